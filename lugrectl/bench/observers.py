@@ -1047,13 +1047,14 @@ class Trial:
     def reasons(self, row: Candidate, best: Candidate) -> tuple[str, ...]:
         known, unit = self.model.known(), unit_for("N m", self.model.motion)
         level = max(known.get("Fc", 0.0), known.get("Fs", 0.0))
-        worst, first, none = (quantity(x, self.unit) for x in (row.worst, best.worst, self.none))
+        worst, none = (quantity(x, self.unit) for x in (row.worst, self.none))
+        other = f", that of {best.name} {quantity(best.worst, self.unit)}"
         few = "" if row.complete else "; too large to try other wrong parameters"
         part = f", {figure(100 * row.noise / level, 2)} % of the friction level" if level else ""
         load = f"its error is {quantity(row.load, self.unit)}"
         return (
-            f"Its error is at most {worst} ({row.worst_case}, the largest of {len(row.errors)}), "
-            f"that of {best.name} {first}, without an observer {none}{few}.",
+            f"Its error is at most {worst} ({row.worst_case}, the largest of {len(row.errors)})"
+            f"{other * (row is not best)}, without an observer {none}{few}.",
             f"It reads {', '.join(row.reads)} and must know "
             f"{', '.join(row.knows) or 'no parameter of the drive'}.",
             f"The sensor causes {quantity(row.noise, unit)} RMS of torque{part}.",
