@@ -751,7 +751,7 @@ def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.
     rows, counted, columns = setting.rows(PERIODS), slice(setting.samples(SETTLED), None), []
     for choice in choices:
         loop = loop_of(setting, choice.observer, choice.gains)
-        own: dict[str, Any] = {"torque": setting.torque, "compensation.scale": choice.scale}
+        own: Any = {"torque": setting.torque, "params": {"compensation.scale": choice.scale}}
         runs = (loop.run(rows, m, seed=seed, **own) for m, seed in members)
         columns.append([rms(run["e"][counted]) for run in runs])
     return np.array(columns).T
@@ -765,7 +765,7 @@ def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> n
     def rest(model: Model, start: Any) -> tuple[float, float]:
         seen = UNDECIDED, math.inf
         for length in lengths:
-            done = loop.run(start(length), model, sensing, **scale)  # pyright: ignore
+            done = loop.run(start(length), model, sensing, params=scale)
             theta, u, last = done["theta"][-length:], done["u_fb"], length == lengths[-1]
             if not np.isfinite(theta[-1]):
                 return HUNTS, math.inf

@@ -101,7 +101,8 @@ def course(
         return _given(given, kind)
     speed, travel, centre, duration = 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0
     if record is not None and (top := top_speed(record)):
-        theta = np.cumsum(record.w) * record.dt if record.theta is None else record.theta
+        w, theta = record.w, record.theta
+        theta = np.cumsum(0.0 if w is None else w) * record.dt if theta is None else theta
         low, high = float(np.nanmin(theta)), float(np.nanmax(theta))
         if high > low:
             speed, travel, centre = top, 0.4 * (high - low), 0.5 * (low + high)
@@ -311,7 +312,7 @@ class SampledLoop:
         sensing: Sensing | None = None,
         torque: float = 0.0,
         seed: int = 0,
-        **params: float,
+        params: Mapping[str, float] | None = None,
     ) -> dict[str, np.ndarray]:
         """Return a drive's signals by name, infinite where the loop diverges, and the error e of
         the motion itself; ``torque``: noise of u in N m."""
@@ -324,7 +325,7 @@ class SampledLoop:
         known = {f"{part}.{k}": v for part in ("plant", "sensor") for k, v in model.known().items()}
         x0 = [self.start.get(state, 0.0) for state in body.state_labels]
         own: dict[str, Any] = {"drive_x0": self.placed, "rtol": COARSE}
-        own["params"] = {k: v for k, v in known.items() if k in names} | params
+        own["params"] = {k: v for k, v in known.items() if k in names} | dict(params or {})
         given = {k: x for k, x in given.items() if k in read}
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):

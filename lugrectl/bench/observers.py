@@ -470,7 +470,7 @@ class Bench:
         rows: Mapping[str, Any],
         scenario: str = "velocity",
         x0: Any = None,
-        **params: float,
+        params: Mapping[str, float] | None = None,
     ) -> Signals:
         """Return signals by name, infinite where the loop diverges."""
         kind = "velocity" if scenario == "velocity" else "position"
@@ -484,7 +484,7 @@ class Bench:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # a loop that does not work is a result here
-                done = simulate(system, t, given, x0, params=values | params)
+                done = simulate(system, t, given, x0, params=values | dict(params or {}))
         except Diverged:
             return dict.fromkeys((*OUTPUTS, "e"), np.full(len(t), np.inf))
         self.last = np.asarray(done.states)[..., -1]
@@ -520,7 +520,7 @@ class Bench:
         errors = dict[str, float]()
         for case, values in wrong(self.name, self.terms.model.known(), OTHERS, off).items():
             params = {f"{self.name}.{k}": v for k, v in values.items()}
-            errors[case] = rms(self.run(t, _reference(t), **params)["e"][t >= 1.0])
+            errors[case] = rms(self.run(t, _reference(t), params=params)["e"][t >= 1.0])
         if not errors:
             return self.velocity()
         self.more["weakest"] = max(errors, key=lambda which: errors[which])
@@ -566,7 +566,7 @@ class Bench:
         x0, end = None, time.thread_time() + PATIENCE
         for k in range(20):
             t = STEP * np.arange(50 * k, 50 * k + 51)
-            e = self.run(t, _reference(t), x0=x0, **{"dead_time.delay": delay})["e"]
+            e = self.run(t, _reference(t), x0=x0, params={"dead_time.delay": delay})["e"]
             if np.abs(e).max() > self.allowed:
                 return False
             if time.thread_time() > end:
@@ -593,7 +593,7 @@ class Bench:
         t = _times(1.5, sensing.dt)
         loop = self.terms.sampled(self.name, "velocity", GAINS["velocity"], sensing, SIZE)
         with interpreted():  # each loop runs a few times only
-            return t, loop.run(_reference(t), **self.believed())["e"]
+            return t, loop.run(_reference(t), params=self.believed())["e"]
 
 
 def _times(length: float, dt: float = STEP) -> np.ndarray:
@@ -760,7 +760,9 @@ class Recommendation(Result):
     def __repr__(self) -> str:
         """The first three, how many follow, and how many are not admissible."""
         lines = [self._title()]
-        lines += [f"  {i + 1}. {row.name}: {row.reasons[0]}" for i, row in enumerate(self[:3])]
+        lines += [
+            f"  {i + 1}. {row.name}: {row.reasons[0]}" for i, row in enumerate(self.ranked[:3])
+        ]
         more, out = self.names[3:], ", ".join(self.refused)
         lines += [f"  then {', '.join(more)}"] if more else []
         lines += [f"  not admissible: {out}"] if out else []
@@ -1011,7 +1013,8 @@ class Trial:
             more = self.kind, self.gains, key[1], self.spec["speed"]
             self.loops[key] = self.terms.sampled(name, *more)
         with interpreted():  # each loop runs a few times only
-            out = self.loops[key].run(rows, **{f"{name}.{k}": v for k, v in believed.items()})
+            params = {f"{name}.{k}": v for k, v in believed.items()}
+            out = self.loops[key].run(rows, params=params)
         later = self.t >= SETTLED / self.spec["frequency"]
         with np.errstate(all="ignore"):
             error, most = rms(out["e"][later]), GROWN * float(np.abs(self.rows["r"]).max())
@@ -1153,12 +1156,12 @@ def _measured(given: Any, _: str) -> tuple[str, ...]:
 
 def _uncertain(given: Any, _: str) -> dict[str, float]:
     """Return by how much each parameter may be wrong, as a share."""
-    sizes = dict(given) if isinstance(given, Mapping) else dict.fromkeys(LUGRE, given)
+    sizes: dict[str, Any] = dict(given if isinstance(given, Mapping) else {k: given for k in LUGRE})
     for key, size in sizes.items():
         if key not in LUGRE:
             raise InputError(f"uncertainty: there is no {shown(key)}; {meant(key, LUGRE)}")
         sizes[key] = 0.0 if real(size) == 0.0 else share(size, "uncertainty")
-    return dict.fromkeys(LUGRE, 0.0) | sizes
+    return {k: sizes.get(k, 0.0) for k in LUGRE}
 
 
 CHECKS: dict[str, Callable[[Any, str], Any]] = {

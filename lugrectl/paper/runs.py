@@ -30,7 +30,7 @@ from .equations import FAILS, HOLDS, PAPER
 from .studies import Case, Compensation, Measure, Study
 
 SMALL = 1e-6  # a smaller RMS value counts as 0
-FILES = ("reproduce.html", "reproduce.json")
+FILES: tuple[str, ...] = ("reproduce.html", "reproduce.json")
 WIDTHS = (
     "Friction compensated; plant 1/(J s), or 1/(J s^2) with D on the measured speed. Of a loop "
     "that is not stable the frequency is where |T| crosses, not a bandwidth. Last column: T(s) in "

@@ -48,7 +48,8 @@ class Reference:
         sin, cos = (self.size * f(turn * t + self.phase) for f in (np.sin, np.cos))
         r, first, second = self.offset + sin, turn * cos, -(turn**2) * sin
         if self.prefilter:
-            smooth, command = ct.tf([PREFILTER], [1, PREFILTER]), r
+            command: Any = r
+            smooth = ct.tf([PREFILTER], [1, PREFILTER])
             r = np.asarray(ct.forced_response(smooth, t, command).outputs)
             first = PREFILTER * (command - r)
             second = PREFILTER * (turn * cos - first)

@@ -346,7 +346,10 @@ def friction_map(made: Any, ax: Axes) -> Axes:
     """Mean torque over speed, one point with its 95 % bar per run, and the models' curves."""
     factor, unit = readable([float(np.max(np.abs(made.u)))], unit_for("N m", made.motion))
     name = "torque" if made.motion == "rotary" else "force"
-    shown = {"xlabel": f"w [{unit_for('rad/s', made.motion)}]", "ylabel": f"mean {name} [{unit}]"}
+    shown: Any = {
+        "xlabel": f"w [{unit_for('rad/s', made.motion)}]",
+        "ylabel": f"mean {name} [{unit}]",
+    }
     left = made.at < 0.0
     for model, curve in made.curves.items():
         for side, label in ((left, model), (~left, None)):

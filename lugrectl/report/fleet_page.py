@@ -78,7 +78,8 @@ def page(fleet: Any, links: Mapping[str, str] | None = None) -> Page:
     parts += [Section("What was found", tuple(found))] if found else []
     left = tuple(f"- {file}" for file in fleet.unfinished)
     parts += [Section("Not diagnosed", left)] if left else []
-    targets = {name: links[row["file"]] for row, name in rows if row["file"] in (links or {})}
+    known = links or {}
+    targets = {name: known[row["file"]] for row, name in rows if row["file"] in known}
     return Page(*headline(fleet), parts, links=targets)
 
 

@@ -226,7 +226,7 @@ def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
 
 
 def _marked(
-    ax: Any, w: np.ndarray, y: np.ndarray, at: float, said: Sequence[str], **axes: str
+    ax: Any, w: np.ndarray, y: np.ndarray, at: float, said: Sequence[str], **axes: Any
 ) -> Sequence[Axes]:
     """Draw y over w; ``said``: the title, and what is at the frequency that is marked."""
 
@@ -235,7 +235,8 @@ def _marked(
         if w[0] <= at <= w[-1]:
             own.axvline(at, **_DASHED, label="".join(said[1:]) or None)
             own.plot([at], [np.interp(at, w, y)], "o", color=MARK)
-        headed(own, said[0], **{"xlabel": OVER, **axes})
+        own.set_xlabel(OVER)
+        headed(own, said[0], **axes)
 
     return _panels([panel], ax)
 
