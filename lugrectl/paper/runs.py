@@ -391,7 +391,7 @@ def growth(p: lg.Parameters, observer: Compensation = studies.PROPOSED) -> Growt
     window, case = (40.0, 100.0), replace(studies.LONG, measures=())
     t, y = respond(p, "position", studies.POSITION, observer, case)
     inside = within(t, window)
-    times, highs = peaks(t[inside], y["e"][inside], 60)
+    times, highs = peaks(t[inside][:-1], y["e"][inside][:-1], 60)  # in each second
     slope = np.polyfit(times, np.log(highs), 1)[0]
     return Growth(1 / poles[0].real, float(1 / slope), observer.label, window)
 
