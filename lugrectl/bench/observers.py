@@ -651,12 +651,6 @@ class Candidate(Shown):
         gains = {k: "a function of w" if callable(v) else v for k, v in self.gains.items()}
         return plain(vars(self) | {"gains": gains})
 
-    def _title(self) -> str:
-        return f"Candidate {self.name}"
-
-    def _rows(self) -> Iterable[Row]:
-        return [Row("" if i else "reasons", said) for i, said in enumerate(self.reasons)]
-
 
 @dataclass(frozen=True, repr=False)
 class Recommendation(Result):
