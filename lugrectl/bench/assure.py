@@ -314,11 +314,10 @@ def _largest(loop: Mapping[str, Any], models: Sequence[Model]) -> np.ndarray:
     return np.array(rows)
 
 
-NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
 RESTING, BESIDE = RULES = ("rests", "swings no farther than without")
 FIRST, MORE = 4, 5  # drives that are looked at first, and how many times as many then
 OBSERVERS = ("natural", "friction_state", "extended_state")
-SCALES = (0.4, 0.6, 0.8, 1.0, 1.2)
+SCALES = (0.4, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
 QUICK = 20.0  # 1/s, pole of the usual controller, or a third of the crossover that sampling allows
 UNSTABLE = (
     "the loop is unstable by itself: with these gains, rate and dead time a drive without dry "
@@ -818,18 +817,14 @@ class Study:
     ) -> tuple[Choice, str]:
         """Return the best choice that holds on both halves, by the first of the RULES with one."""
         for i, (name, gains) in enumerate(named.items()):
-            part = part_of(report, 0.2 * i / len(named), 0.2 * (i + 1) / len(named))
+            part = part_of(report, 0.25 * i / len(named), 0.25 * (i + 1) / len(named))
             self._add([Choice(name, tuple(gains.items()), scale) for scale in SCALES], part)
-        if better := self.better():
-            self._near(better[0], part_of(report, 0.2, 0.25))
         for rule in RULES:
             if (found := self._holding(rule, report)) is not NOTHING:
-                self._near(found, reporter(False))
-                return self._holding(rule, report), rule
+                return found, rule
         return NOTHING, BESIDE
 
     def _add(self, choices: Sequence[Choice], report: Progress) -> None:
-        choices = [one for one in choices if one not in self.tried]
         work = partial(tracking, self.setting, [NOTHING, *choices])
         none, *columns = self.run(work, report, self.halves[0]).T
         self.none = self._upper(none)
@@ -841,9 +836,6 @@ class Study:
     def _upper(self, errors: np.ndarray) -> float:
         """Return the error that a share 1 - confidence of the members exceeds."""
         return float(np.quantile(errors, self.confidence, method="higher"))
-
-    def _near(self, best: Choice, report: Progress) -> None:
-        self._add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
 
     def better(self) -> list[Choice]:
         """Return the choices that track better than none on nearly all drives, the best first."""
