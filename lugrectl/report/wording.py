@@ -32,8 +32,8 @@ AMBIGUOUS = (
 UNEXPLAINED = "{} is missing{}, and no effect in the catalogue explains it."
 UNKNOWN = "unknown torque"
 COMPENSATED = (
-    "Simulated with the augmented model as the drive. The compensation uses {} and the declared "
-    "model (before) or the augmented model (after)."
+    "The drive is the augmented model. The compensation uses {} observer and the declared model "
+    "(before) or the augmented model (after)."
 )
 UNNAMED = ("left", "noise")
 _SMALL = {"rad", "m", "rad/s", "m/s", "N m", "N"}  # units that take a prefix
@@ -151,17 +151,9 @@ def _effect(d: Any, finding: Any) -> Section:
 
 def _table(d: Any) -> Section | None:
     table = _get(d, "table")
-    if table is None:
-        return None
-    factor, unit = readable([table.rms], table.unit)
-    lines = (
-        f"{table.name[0].upper()}{table.name[1:]}: {table.values.size} values, "
-        f"{number(table.rms * factor, 3)} {unit} RMS along the record.",
-        f"It explains {100.0 * table.share:.0f} % of the residual torque's power on windows that "
-        f"it was not fitted to (95 % interval {between([100.0 * x for x in table.share95])} %).",
-        "The table is not part of the model file; table.block() makes a block of it.",
-    )
-    return Section("Residual torque as a table", lines)
+    said = "{}: not part of the model file; table.block() makes a block of it."
+    lines = () if table is None else (said.format(table.name),)
+    return _as_shown("Residual torque as a table", table, lines)
 
 
 def _compensation(d: Any) -> Section | None:
@@ -169,12 +161,17 @@ def _compensation(d: Any) -> Section | None:
     c = _get(d, "compensation")
     if c is None:
         return None
-    rows = [(row.name, row.text()) for row in c._rows() if row.name not in ("message", "more")]
-    lines = [COMPENSATED.format(f"the {c.observer} observer" if c.observer else "no observer")]
+    lines = [f"{c.kind} loop. {COMPENSATED.format(f'the {c.observer}' if c.observer else 'no')}"]
     lines += [f"Not compensated: {name}; {why}." for name, why in c.left]
-    lines += [_sentence(m) for m in c.messages]
-    grid = Grid((f"{c.kind} loop", ""), "ll", tuple(rows))
-    return Section("Compensation in simulation", tuple(lines), grid)
+    return _as_shown("Compensation in simulation", c, (*lines, *map(_sentence, c.messages)))
+
+
+def _as_shown(title: str, one: Any, lines: tuple[str, ...]) -> Section | None:
+    """A result of its own in a report, with the rows that it shows itself with."""
+    if one is None:
+        return None
+    rows = [(row.name, row.text()) for row in one._rows() if row.name not in ("message", "more")]
+    return Section(title, lines, Grid(("", ""), "ll", tuple(rows)))
 
 
 def _sentence(text: str) -> str:

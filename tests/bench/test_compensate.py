@@ -143,8 +143,8 @@ def test_reports_carry_table_and_compensation(velocity):
     d = SimpleNamespace(**vars(bare("unexplained")) | {"table": table, "compensation": velocity})
     said = text(d)
     assert max(map(len, said.splitlines())) <= 80
-    assert "Unexplained residual over theta (table, no physics)" in said
-    assert "explains 50 %" in said and "velocity loop" in said
+    assert "unexplained residual over theta (table, no physics)" in said
+    assert "50 % (40 to 60 %" in said and "velocity loop" in said
     page = fragment(d)
     assert 'aria-label="table"' in page and 'aria-label="tracking"' in page
 
