@@ -105,8 +105,7 @@ class Chance(Shown):
         ends = f"95 % from {low:.2g} to {high:.2g} %, {self.members} members"
         return f"{100.0 * self.value:.3g} % ({ends}){more}"
 
-    def _title(self) -> str:
-        return self.words()
+    _title = words
 
     def _rows(self) -> Iterable[Row]:
         return ()
@@ -592,7 +591,8 @@ def assure(
     hunts, seed = 1.0 if hunts == 1.0 else share(hunts, "hunts"), whole(seed, "seed")
     least = max(enough(1.0 - confidence, 1, 1.0 - SURE), enough(hunts, 1))
     count = least if members is None else whole(members, "members", least=2)
-    still = setting.usual_still() if still is None else positive(still, "still", "rad")
+    usual = 2.0 * sensing.resolution or SMALL * setting.travel
+    still = usual if still is None else positive(still, "still", "rad")
     named = _observers(setting, observers, gains)
     if setting.grows():
         raise Refused(UNSTABLE)
@@ -701,10 +701,6 @@ class Setting:
     def travel(self) -> float:
         """Return the amplitude of the position in rad."""
         return self.speed / (2.0 * np.pi * self.frequency)
-
-    def usual_still(self) -> float:
-        """Return the swing at rest that is no hunting: two counts, or a little of the travel."""
-        return 2.0 * self.sensing.resolution or SMALL * self.travel
 
     def stopped(self, length: int) -> dict[str, np.ndarray]:
         """Return a period of the sine, then so many samples at its start."""
