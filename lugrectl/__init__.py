@@ -28,8 +28,9 @@ _HOMES = {
     "blocks.table": "tabulated",
     "simulation.bristle_deflection": "deflection",
     "blocks.catalogue": "controllers effects laws observers",
-    "bench": "Assurance Compensation HuntingChance ObserverComparison Recommendation assure "
-    "compare_observers compensate hunting_chance recommend_observer",
+    "bench.assure": "Assurance HuntingChance assure hunting_chance",
+    "bench.compensate": "Compensation compensate",
+    "bench.observers": "ObserverComparison Recommendation compare_observers recommend_observer",
     "hunting": "HuntingMap LimitCycles StickSlip hunting_map limit_cycles stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
@@ -72,16 +73,12 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .bench import (
-        Assurance,
-        Compensation,
-        HuntingChance,
+    from .bench.assure import Assurance, HuntingChance, assure, hunting_chance
+    from .bench.compensate import Compensation, compensate
+    from .bench.observers import (
         ObserverComparison,
         Recommendation,
-        assure,
         compare_observers,
-        compensate,
-        hunting_chance,
         recommend_observer,
     )
     from .blocks.block import P

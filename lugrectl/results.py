@@ -1,15 +1,9 @@
 """The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
 
-from .bench import (
-    Assurance,
-    Compared,
-    Compensation,
-    HuntingChance,
-    ObserverComparison,
-    Recommendation,
-    Run,
-)
-from .bench import Candidate as RankedObserver
+from .bench.assure import Assurance, HuntingChance
+from .bench.compensate import Compensation, Run
+from .bench.observers import Candidate as RankedObserver
+from .bench.observers import Compared, ObserverComparison, Recommendation
 from .commissioning import FrequencyResponse, ResponsePlan, Tuning
 from .design import Certificate, Design, Excitation, ObserverDesign
 from .diagnosis.compare_laws import ComparedLaw, LawComparison

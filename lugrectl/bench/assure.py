@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import count as numbers
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -22,10 +22,11 @@ from ..blocks.model import Model
 from ..blocks.observers import observer_block
 from ..core.display import Row, Shown, noticed
 from ..core.display import number as figure
-from ..core.errors import Diverged, InputError, Refused
+from ..core.errors import InputError, Refused
 from ..core.jobs import JobError, run_jobs
+from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
-from ..core.result import Result, plain
+from ..core.result import Fields, Result, plain
 from ..core.validation import number, positive, share, whole
 from ..core.views import view
 from ..estimates.fitted import Fitted
@@ -33,7 +34,7 @@ from ..estimates.members import Belief, Members, refuse_unknown
 from ..hunting import limit_cycles
 from ..record import Record
 from ..simulation.encoder import Sensing
-from .loop import (
+from .compensate import (
     FASTEST,
     PERIODS,
     SETTLED,
@@ -44,130 +45,93 @@ from .loop import (
     enough_samples,
     fastest,
     given_gains,
-    kind_of,
+    quantiles,
     samples,
     sensing_of,
     sine,
-    speed_of,
+    top_speed,
     unit_of,
     unknown,
 )
 
 RESTS, UNDECIDED, HUNTS = 0.0, 1.0, 2.0
-SURE = 0.95  # of a bound, and of the interval of a probability
 FATES = {"hunts": HUNTS, "rests": RESTS, "undecided": UNDECIDED}
+SURE = 0.95  # of a bound, and of the interval of a probability
+TAIL = 0.5 * (1.0 - SURE)  # beyond either end of such an interval
 
 
 @dataclass(frozen=True, repr=False)
 class Chance(Shown):
-    """``count`` of ``members`` had a property: ``.value``, and ``.ci95`` by Clopper and Pearson."""
+    """``count`` of ``members`` had a property: ``.value``, and ``.ci95`` by Clopper and Pearson. Of
+    hunting, ``undecided`` are the members of which nothing was decided; ``.rests`` and ``.unsure``
+    are the other shares."""
 
     count: int
     members: int
+    undecided: int | None = None
+
+    @classmethod
+    def of(cls, fates: Sequence[float] | np.ndarray) -> Chance:
+        """That of hunting, from the fate of each member."""
+        hunting, open_ = (int(np.sum(np.equal(fates, one))) for one in (HUNTS, UNDECIDED))
+        return cls(hunting, len(fates), open_)
 
     @property
     def value(self) -> float:
         return self.count / self.members
 
     @property
-    def ci95(self) -> tuple[float, float]:
-        k, n, tail = self.count, self.members, (1.0 - SURE) / 2.0
-        low = float(stats.beta.ppf(tail, k, n - k + 1)) if k else 0.0
-        return low, float(stats.beta.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0
-
-    def summary(self) -> dict[str, Any]:
-        """Plain Python."""
-        return {"value": self.value, "ci95": list(self.ci95), "count": self.count,
-                "members": self.members}  # fmt: skip
-
-    def words(self) -> str:
-        low, high = (100.0 * x for x in self.ci95)
-        ends = f"95 % from {low:.2g} to {high:.2g} %, {self.members} members"
-        return f"{100.0 * self.value:.3g} % ({ends})"
-
-    def _title(self) -> str:
-        return self.words()
-
-    def _rows(self) -> Iterable[Row]:
-        return ()
-
-
-@dataclass(frozen=True, repr=False)
-class Outcomes(Chance):
-    """The chance of hunting, with the members of which nothing was decided: ``.value`` is the share
-    that hunts, ``.rests`` and ``.unsure`` are the others."""
-
-    undecided: int = 0
-
-    @classmethod
-    def of(cls, fates: Sequence[float] | np.ndarray) -> Outcomes:
-        """From the fate of each member."""
-        hunting, open_ = (int(np.sum(np.equal(fates, one))) for one in (HUNTS, UNDECIDED))
-        return cls(hunting, len(fates), open_)
-
-    @property
     def unsure(self) -> float:
-        return self.undecided / self.members
+        return (self.undecided or 0) / self.members
 
     @property
     def rests(self) -> float:
         return 1.0 - self.value - self.unsure
 
+    @property
+    def ci95(self) -> tuple[float, float]:
+        found = stats.binomtest(self.count, self.members).proportion_ci(SURE, "exact")
+        return float(found.low), float(found.high)
+
     def summary(self) -> dict[str, Any]:
-        """Plain Python, with the three shares."""
+        """Plain Python; of hunting with the three shares."""
+        own = {k: getattr(self, k) for k in ("value", "ci95", "count", "members")}
         shares = {"hunts": self.value, "rests": self.rests, "undecided": self.unsure}
-        return super().summary() | {"shares": shares}
+        return plain(own if self.undecided is None else own | {"shares": shares})
 
     def words(self) -> str:
+        low, high = (100.0 * x for x in self.ci95)
         more = f"; undecided {100.0 * self.unsure:.3g} %" if self.undecided else ""
-        return super().words() + more
+        ends = f"95 % from {low:.2g} to {high:.2g} %, {self.members} members"
+        return f"{100.0 * self.value:.3g} % ({ends}){more}"
+
+    _title = words
+
+    def _rows(self) -> Iterable[Row]:
+        return ()
 
 
-def hunting_at_most(members: int, part: float) -> int:
-    """How many may hunt so that the interval of the chance ends at ``part``; -1: too few."""
-    if part == 1.0:
-        return members
-    counts = np.arange(members)
-    ends = stats.beta.ppf(0.5 * (1.0 + SURE), counts + 1, members - counts)
-    return int(np.searchsorted(ends, part, "right")) - 1
+def few(members: int, part: float, tail: float = TAIL) -> int:
+    """The largest k with P(Bin(members, part) <= k) <= tail; -1: too few members."""
+    chances = stats.binom.cdf(np.arange(members + 1), members, part)
+    return int(np.searchsorted(chances, tail, "right")) - 1
 
 
-def spared(members: int, confidence: float) -> int:
-    """The largest k with P(Bin(members, 1 - confidence) <= k) <= 1 - SURE; -1: too few members."""
-    return int(np.searchsorted(
-        stats.binom.cdf(np.arange(members + 1), members, 1.0 - confidence), 1.0 - SURE, "right"
-    )) - 1  # fmt: skip
-
-
-def enough(confidence: float, spare: int = 1) -> int:
-    """The fewest members of which so many may lie beyond the bound."""
-    return next(n for n in numbers(spare + 1) if spared(n, confidence) >= spare)
-
-
-def enough_at_rest(part: float, spare: int = 0) -> int:
-    """The fewest members that show that at most this part hunts, though so many of them do."""
-    return next(n for n in numbers(1) if hunting_at_most(n, part) >= spare)
+def enough(part: float, spare: int, tail: float = TAIL) -> int:
+    """The fewest members that show by so few that this part of all have a property."""
+    return next(n for n in numbers(1) if few(n, part, tail) >= spare)
 
 
 def bound(values: np.ndarray, confidence: float) -> float:
     """What a new member's value is below with ``confidence``, itself sure to 95 %."""
-    k = spared(len(values), confidence)
+    k = few(len(values), 1.0 - confidence, 1.0 - SURE)
     return float(np.sort(values)[-1 - k]) if k >= 0 else np.inf
 
 
-def band(values: np.ndarray, level: float = SURE) -> tuple[float, float]:
-    """The interval of a new member with this probability: below the k-th of n by k/(n + 1)."""
-    ordered, last, tail = np.sort(values), len(values) - 1, 0.5 * (1.0 - level)
-    low = max(tail * (last + 2) - 1.0, 0.0)
-    return between(ordered, low), between(ordered, last - low)
-
-
-def between(values: np.ndarray, place: float) -> float:
-    """Return a quantile; infinite beside an infinite value."""
-    low, high = values[math.floor(place)], values[math.ceil(place)]
-    if not math.isfinite(high):
-        return math.inf if place > math.floor(place) else float(low)
-    return float(low + (place - math.floor(place)) * (high - low))
+def band(values: np.ndarray) -> tuple[float, float]:
+    """The interval of a new member with 95 %: below the k-th of n by k/(n + 1)."""
+    low, high = quantiles(values, (TAIL, 1.0 - TAIL), "weibull")
+    return low, high
 
 
 def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
@@ -177,10 +141,8 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
         what = str(p)
         try:
             p = json.loads(Path(p).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{p}: cannot be read ({error.strerror or error}).") from None
-        except ValueError as error:
-            raise InputError(f"{p}: not a JSON document ({error}).") from None
+        except (OSError, ValueError) as error:
+            raise InputError(f"{p}: cannot be read as JSON ({error}).") from None
     if isinstance(p, Fitted):
         beliefs = () if p.model is None else p.beliefs()
         seen = seen_in(p.record, p.torque_noise) if beliefs else {}
@@ -198,11 +160,8 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
 
 
 def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
-    """A drive as it was recorded, as under "drive" in the JSON document, SI.
-
-    A noise of theta below that of its rounding is none: a log does not tell the two apart, and
-    noise that is not there would hide what rounding does to a loop.
-    """
+    """A drive as it was recorded, as under "drive" in the JSON document, SI. A noise of theta below
+    that of its rounding is none: it would hide what rounding does to a loop."""
     if record is None:
         return {}
     made = sensing_of(record)
@@ -212,7 +171,7 @@ def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
         "noise": made.noise if made.noise > made.resolution / np.sqrt(12.0) else 0.0,
         "speed_noise": made.speed_noise,
         "torque": torque,
-        "speed": speed_of(record),
+        "speed": top_speed(record) or 1.0,
     }
 
 
@@ -222,7 +181,7 @@ class HuntingChance(Result):
 
     Attributes
     ----------
-    chance : Outcomes
+    chance : Chance
         ``.value``, ``.ci95``, ``.count``, ``.members``, and the shares ``.rests`` and ``.unsure``.
     amplitudes, periods : tuple of float
         Of the largest cycle of each member that hunts, rad and s; nan where the loop diverges.
@@ -241,7 +200,7 @@ class HuntingChance(Result):
     0 % (95 % from 0 to 31 %, 10 members)
     """
 
-    chance: Outcomes
+    chance: Chance
     amplitudes: tuple[float, ...]
     periods: tuple[float, ...]
     unit: str
@@ -257,8 +216,9 @@ class HuntingChance(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as ``lugrectl hunt --json`` prints it for a report."""
-        made = {"schema": 1, "hunts": self.chance.count > 0, "chance": self.chance.summary()}
-        return plain(made | {k: getattr(self, k) for k in ("amplitudes", "periods", "loop")})
+        made = {"schema": 1, "hunts": self.chance.count > 0}
+        keys = ("chance", "amplitudes", "periods", "loop")
+        return plain(made | {k: getattr(self, k) for k in keys})
 
     def plot(self, ax: Any = None) -> Any:
         """Draw amplitude over period of each member that hunts; returns the Axes."""
@@ -331,37 +291,32 @@ def hunting_chance(
     (True, 20)
     """
     beliefs, _ = believed(p)
-    drawn, report = Members(beliefs, whole(members, "members", least=1), seed), reporter(progress)
-    work, rows = partial(_largest, loop), dict[int, tuple[float, float, float]]()
-    for i, one in run_jobs(work, list(drawn), executor=executor, jobs=jobs):
-        if isinstance(one, JobError):
-            raise (InputError if one.exit_code == 2 else Refused)(one.sentence)
-        rows[i] = one
-        report(len(rows) / len(drawn), f"{len(rows)} of {len(drawn)} drives")
-    fates = [rows[i][0] for i in range(len(drawn))]
-    found = [rows[i] for i in range(len(drawn)) if rows[i][0] == HUNTS]
+    drawn = list(Members(beliefs, whole(members, "members", least=1), seed))
+    run, report = Jobs(executor, jobs, 1), reporter(progress)
+    found = run(partial(_largest, loop), report, drawn)
+    fates, amplitudes, periods = found.T
     return HuntingChance(
-        Outcomes.of(fates),
-        tuple(a for _, a, _ in found),
-        tuple(T for _, _, T in found),
+        Chance.of(fates),
+        tuple(amplitudes[fates == HUNTS].tolist()),
+        tuple(periods[fates == HUNTS].tolist()),
         "rad" if beliefs[0].model.motion == "rotary" else "m",
         {k: v for k, v in loop.items() if v is not None},
     )
 
 
-def _largest(loop: Mapping[str, Any], model: Model) -> tuple[float, float, float]:
-    """The fate of a drive, with amplitude and period of its largest cycle."""
-    found = limit_cycles(model, **loop)
-    last = found.cycles[-1] if found.cycles else None
-    amplitude, period = (np.nan, np.nan) if last is None else (last.amplitude, last.period)
-    return FATES[found.outcome], amplitude, period
+def _largest(loop: Mapping[str, Any], models: Sequence[Model]) -> np.ndarray:
+    """The fate of each drive, with amplitude and period of its largest cycle."""
+    rows = []
+    for found in (limit_cycles(model, **loop) for model in models):
+        ends = [(one.amplitude, one.period) for one in found.cycles[-1:]] or [(np.nan, np.nan)]
+        rows.append((FATES[found.outcome], *ends[0]))
+    return np.array(rows)
 
 
-NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
-RESTING, UNSURE, BESIDE = RULES = ("rests", "does not hunt", "swings no farther than without")
+RESTING, BESIDE = RULES = ("rests", "swings no farther than without")
 FIRST, MORE = 4, 5  # drives that are looked at first, and how many times as many then
 OBSERVERS = ("natural", "friction_state", "extended_state")
-SCALES = (0.4, 0.6, 0.8, 1.0, 1.2)
+SCALES = (0.4, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
 QUICK = 20.0  # 1/s, pole of the usual controller, or a third of the crossover that sampling allows
 UNSTABLE = (
     "the loop is unstable by itself: with these gains, rate and dead time a drive without dry "
@@ -370,7 +325,7 @@ UNSTABLE = (
 
 
 @dataclass(frozen=True)
-class Tried:
+class Tried(Fields):
     """A compensation that was tried on the first members: the error that a share 1 - confidence of
     them exceeds, the median, the share of them that it makes worse, and the share that hunts of
     those that were looked at, None where a better choice stood before it."""
@@ -405,7 +360,7 @@ class Assurance(Result):
         where too few members were drawn, or some diverge.
     none, none_band : float, (float, float)
         Median and interval without compensation.
-    hunts, none_hunts : Outcomes
+    hunts, none_hunts : Chance
         That a drive swings at rest by more than ``still``, with the compensation and without:
         ``.value``, ``.ci95``, ``.count``, ``.members``, and the shares ``.rests`` and ``.unsure``.
     swing, none_swing : float
@@ -449,8 +404,8 @@ class Assurance(Result):
     bound: float
     none: float
     none_band: tuple[float, float]
-    hunts: Outcomes
-    none_hunts: Outcomes
+    hunts: Chance
+    none_hunts: Chance
     swing: float
     none_swing: float
     still: float
@@ -469,13 +424,9 @@ class Assurance(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as ``lugrectl assure --json`` prints it."""
-        keys = ("kind", "scale", "observer", "gains", "controller", "confidence", "error", "band",
-                "bound", "none", "none_band", "unit", "drive", "members", "swing", "none_swing",
-                "still", "messages")  # fmt: skip
-        made: dict[str, Any] = {"schema": 1, **{k: getattr(self, k) for k in keys}}
-        made |= {k: getattr(self, k).summary() for k in ("hunts", "none_hunts", "worse")}
-        made["models"] = [{"model": name, "weight": w} for name, w in self.models]
-        return plain(made | {"tried": [vars(one) for one in self.tried]})
+        own = {k: v for k, v in vars(self).items() if k != "errors"}
+        own |= {"models": [{"model": name, "weight": weight} for name, weight in self.models]}
+        return plain({"schema": 1, "members": self.members, **own})
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the errors over the share of compensation, into ``ax`` or a new figure; returns the
@@ -502,10 +453,9 @@ class Assurance(Result):
         swings = f"{figure(self.none_swing)} {angle} without; more than {figure(self.still)} hunts"
         yield Row("swing at rest below", self.swing, angle, f"{share}; {swings}")
         gains = {**self.controller, **{f"observer {k}": v for k, v in self.gains.items()}}
-        for name, value in gains.items():
-            yield Row(name, value)
-        d, speed = self.drive, f"{self.unit.removesuffix('/s')}/s"
-        said = f"{figure(d['speed'])} {speed} at {d['frequency']:g} Hz"
+        yield from (Row(name, value) for name, value in gains.items())
+        d = self.drive
+        said = f"{figure(d['speed'])} {angle}/s at {d['frequency']:g} Hz"
         yield Row("reference", said, "", f"sampled at {d['rate']:g} Hz")
         yield from noticed(self.messages, "messages")
 
@@ -603,10 +553,10 @@ def assure(
     constant, or moves to and fro within that swing. A torque that moves one way will break away:
     where 320 kp/ki, or 100 000 samples, do not show how that ends the drive is undecided. A choice
     holds if those that hunt or are undecided are so few, on each half of the members, that the
-    interval of Clopper and Pearson ends at ``hunts``; where none holds, if those that hunt are so
-    few; where none does, those that swing farther than without compensation. 0 of n ends near
-    3.7/n: 0.05 takes 72 drives of which none hunts, or 110 of which one does. Fewer show less: then
-    none of them may. ``messages`` say which of this was needed.
+    interval of Clopper and Pearson ends at ``hunts``; where none holds, if those of them are so few
+    that swing farther than without compensation. 0 of n ends near 3.7/n: 0.05 takes 72 drives of
+    which none hunts, or 110 of which one does. Fewer show less: then none of them may. ``messages``
+    say which of this was needed.
 
     c and the observer are chosen on members of their own. The figures come from as many others,
     on which a choice was only asked whether it rests, so that they are binomial: with N drives of
@@ -628,7 +578,7 @@ def assure(
     """
     beliefs, seen = believed(p)
     confidence, model = share(confidence, "confidence"), beliefs[0].model
-    kind_of(loop)
+    unit_of(loop, model)
     sensing = _sensing(seen, rate, dead_time, counts, model.motion)
     pole = min(QUICK, fastest(sensing) / 3.0)
     pole = pole if bandwidth is None else positive(bandwidth, "bandwidth", "1/s")
@@ -639,11 +589,12 @@ def assure(
     setting = Setting(Task(model, loop, own), sensing, torque, float(top or 1.0), f)
     enough_samples(f, 1.0 / sensing.dt, "the reference")
     hunts, seed = 1.0 if hunts == 1.0 else share(hunts, "hunts"), whole(seed, "seed")
-    least = max(enough(confidence), enough_at_rest(hunts, spare=1))
+    least = max(enough(1.0 - confidence, 1, 1.0 - SURE), enough(hunts, 1))
     count = least if members is None else whole(members, "members", least=2)
-    still = setting.usual_still() if still is None else positive(still, "still", "rad")
+    usual = 2.0 * sensing.resolution or SMALL * setting.travel
+    still = usual if still is None else positive(still, "still", "rad")
     named = _observers(setting, observers, gains)
-    if grows(setting):
+    if setting.grows():
         raise Refused(UNSTABLE)
     drawn = Members(beliefs, 2 * count, seed)
     pairs = list(zip(drawn, range(seed, seed + 2 * count), strict=True))
@@ -688,41 +639,32 @@ LINE = 4.0  # times their distance from it; eight random means reach that once i
 SLOW = 1e-3  # of the range of the torque: so slow it takes a thousand such runs to break away
 WAITS = (40, 320)  # kp/ki of the controller: a run at rest, longer where it is undecided
 SHORTEST, LONGEST = 1_000, 100_000  # samples of it
-NOISE, GREW = 1e-6, 100.0  # of a motion at its start: it has decayed, or it grows
+NOISE = 1e-6  # of a motion at its start: it has decayed
 STEP, SMALL = 0.1, 1e-3  # of the amplitude of the sine: a step, and a swing that is none
 CHUNK = 16  # members in a job
 
 
-class Rest(NamedTuple):
-    """The fate of a run, the worst last in order, and the swing at its end, peak to peak."""
-
-    fate: float
-    swing: float
-
-
-def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last: bool) -> Rest:
-    """What the last thirds of a run say of a swing above ``still``; ``last``: no longer one comes.
-
-    A constant torque rests. In a stick with an error the integrator moves the torque one way until
-    the drive breaks away: then nothing is decided, also where it has not moved for long.
-    """
+def at_rest(
+    theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last: bool
+) -> tuple[float, float]:
+    """Return the fate of a run by its last thirds, for a swing above ``still``, and the swing;
+    ``last``: no longer run comes. Undecided: the torque of a drive that sticks still moves."""
     third = len(theta) // 3
-    before, now = slice(-2 * third, -third), slice(-third, None)
-    size, was = float(np.ptp(theta[now])), float(np.ptp(theta[before]))
-    moved = float(np.ptp(u[now]))
-    if moved <= CONSTANT * range_u:
-        return Rest(RESTS, size)
+    thirds = slice(-2 * third, -third), slice(-third, None)
+    (was, size), (moved, moves) = ([float(np.ptp(x[k])) for k in thirds] for x in (theta, u))
+    if moves <= CONSTANT * range_u:
+        return RESTS, size
     if min(size, was) > still and (last or size >= SHRINKS * was):
-        return Rest(HUNTS, size)
+        return HUNTS, size
     # a torque moves one way along a line, by more than it lies about it, and not too slowly
     means = np.array([np.mean(part) for part in np.array_split(u[-2 * third :], BLOCKS)])
     place = np.arange(BLOCKS)
     line = np.polyval(np.polyfit(place, means, 1), place)
     least = max(LINE * np.max(np.abs(means - line)), SLOW * range_u)
-    stays = abs(line[-1] - line[0]) <= least or moved <= SETTLES * np.ptp(u[before])
+    stays = abs(line[-1] - line[0]) <= least or moves <= SETTLES * moved
     if max(size, was) <= still and stays:
-        return Rest(RESTS, size)
-    return Rest(UNDECIDED, max(size, was))
+        return RESTS, size
+    return UNDECIDED, max(size, was)
 
 
 @dataclass(frozen=True)
@@ -760,20 +702,15 @@ class Setting:
         """Return the amplitude of the position in rad."""
         return self.speed / (2.0 * np.pi * self.frequency)
 
-    def usual_still(self) -> float:
-        """Return the swing at rest that is no hunting: two counts, or a little of the travel."""
-        return 2.0 * self.sensing.resolution or SMALL * self.travel
-
     def stopped(self, length: int) -> dict[str, np.ndarray]:
         """Return a period of the sine, then so many samples at its start."""
         return {k: np.r_[x, np.zeros(length)] for k, x in self.rows(1.0).items()}
 
     def stepped(self, length: int) -> dict[str, np.ndarray]:
         """Return the same after a step: of the position, or of the speed to 0."""
-        first = self.samples(1.0)
-        made = {k: np.zeros(first + length) for k in self.rows(0.0)}
+        made = {k: 0.0 * x for k, x in self.stopped(length).items()}
         if self.task.kind == "velocity":
-            made["r"][:first] = STEP * self.speed
+            made["r"][:-length] = STEP * self.speed
         else:
             made["r"][1:] = STEP * self.travel
         return made
@@ -785,31 +722,23 @@ class Setting:
         every = [max(SHORTEST, math.ceil(k * unit / self.sensing.dt)) for k in WAITS]
         return sorted({min(n, most) for n in every})
 
+    def grows(self) -> bool:
+        """Return whether the loop of a drive without dry friction swings ever more."""
+        known, length = self.task.model.known(), self.waits()[0]
+        free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
+        quiet = replace(self, task=replace(self.task, model=free), sensing=self.sensing.quiet())
+        y = loop_of(quiet, None, ()).run(self.stepped(length))[MEASURED[self.task.kind]]
+        if not np.isfinite(y[-1]):
+            return True
+        first, before, now = (float(np.ptp(part)) for part in np.array_split(y[-length:], 3))
+        return now > before and now > NOISE * first
+
 
 @lru_cache(maxsize=8)
-def loop_of(
-    setting: Setting, observer: str | None, gains: tuple[tuple[str, Any], ...]
-) -> SampledLoop:
+def loop_of(setting: Setting, observer: str | None, gains: tuple[Any, ...]) -> SampledLoop:
     task = setting.task
     control = task.control(None if observer is None else task.model, observer, dict(gains))
     return SampledLoop(task, setting.sensing, control, FASTEST * setting.speed)
-
-
-def grows(setting: Setting) -> bool:
-    known = setting.task.model.known()
-    free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
-    task, quiet = replace(setting.task, model=free), setting.sensing.quiet()
-    loop = loop_of(replace(setting, task=task, sensing=quiet), None, ())
-    first, before, now = 0.0, 0.0, 0.0
-    for length in setting.waits():
-        try:
-            y = loop.run(setting.stepped(length))[MEASURED[task.kind]]
-        except Diverged:
-            return True
-        first, before, now = (float(np.ptp(part)) for part in np.array_split(y[-length:], 3))
-        if now > GREW * first or max(before, now) <= NOISE * first:
-            break
-    return now > before and now > NOISE * first
 
 
 def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.ndarray:
@@ -817,26 +746,26 @@ def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.
     rows, counted, columns = setting.rows(PERIODS), slice(setting.samples(SETTLED), None), []
     for choice in choices:
         loop = loop_of(setting, choice.observer, choice.gains)
-        own: dict[str, Any] = {"torque": setting.torque, "compensation.scale": choice.scale}
-        columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
+        own: Any = {"torque": setting.torque, "params": {"compensation.scale": choice.scale}}
+        runs = (loop.run(rows, m, seed=seed, **own) for m, seed in members)
+        columns.append([rms(run["e"][counted]) for run in runs])
     return np.array(columns).T
 
 
 def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> np.ndarray:
-    """Return a :class:`Rest` of each, without noise: the worse after a stop and after a step."""
+    """Return fate and swing of each, without noise: the worse after a stop and after a step."""
     loop, lengths = loop_of(setting, choice.observer, choice.gains), setting.waits()
     sensing, scale = setting.sensing.still(), {"compensation.scale": choice.scale}
 
-    def rest(model: Model, start: Any) -> Rest:
-        seen = Rest(UNDECIDED, math.inf)
+    def rest(model: Model, start: Any) -> tuple[float, float]:
+        seen = UNDECIDED, math.inf
         for length in lengths:
-            try:
-                done = loop.run(start(length), model, sensing, **scale)  # pyright: ignore
-            except Diverged:
-                return Rest(HUNTS, math.inf)
+            done = loop.run(start(length), model, sensing, params=scale)
             theta, u, last = done["theta"][-length:], done["u_fb"], length == lengths[-1]
+            if not np.isfinite(theta[-1]):
+                return HUNTS, math.inf
             seen = at_rest(theta, u[-length:], float(np.ptp(u)), still, last)
-            if seen.fate != UNDECIDED:
+            if seen[0] != UNDECIDED:
                 break
         return seen
 
@@ -846,16 +775,19 @@ def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> n
 
 @dataclass(frozen=True)
 class Jobs:
+    """Where members are simulated, and so many in one job."""
+
     executor: Executor | None
     number: int
+    chunk: int = CHUNK
 
-    def __call__(self, work: Any, report: Progress, pairs: Pairs) -> np.ndarray:
-        """Return what comes of all members, in order, done in chunks."""
-        chunks = [pairs[i : i + CHUNK] for i in range(0, len(pairs), CHUNK)]
+    def __call__(self, work: Any, report: Progress, members: Sequence[Any]) -> np.ndarray:
+        """Return what comes of all members, in order."""
+        chunks = [members[i : i + self.chunk] for i in range(0, len(members), self.chunk)]
         found: dict[int, np.ndarray] = {}
         for i, rows in run_jobs(work, chunks, executor=self.executor, jobs=self.number):
             if isinstance(rows, JobError):
-                raise Refused(f"members {i * CHUNK} and on: {rows.sentence}")
+                raise (InputError if rows.exit_code == 2 else Refused)(rows.sentence)
             found[i] = rows
             report(len(found) / len(chunks), "simulating drives")
         return np.vstack([found[i] for i in range(len(chunks))])
@@ -881,18 +813,14 @@ class Study:
     ) -> tuple[Choice, str]:
         """Return the best choice that holds on both halves, by the first of the RULES with one."""
         for i, (name, gains) in enumerate(named.items()):
-            part = part_of(report, 0.2 * i / len(named), 0.2 * (i + 1) / len(named))
+            part = part_of(report, 0.25 * i / len(named), 0.25 * (i + 1) / len(named))
             self._add([Choice(name, tuple(gains.items()), scale) for scale in SCALES], part)
-        if better := self.better():
-            self._near(better[0], part_of(report, 0.2, 0.25))
         for rule in RULES:
-            if (found := self._holding(rule, part_of(report, 0.25, 0.9))) is not NOTHING:
-                self._near(found, reporter(False))
-                return self._holding(rule, part_of(report, 0.25, 0.9)), rule
+            if (found := self._holding(rule, report)) is not NOTHING:
+                return found, rule
         return NOTHING, BESIDE
 
     def _add(self, choices: Sequence[Choice], report: Progress) -> None:
-        choices = [one for one in choices if one not in self.tried]
         work = partial(tracking, self.setting, [NOTHING, *choices])
         none, *columns = self.run(work, report, self.halves[0]).T
         self.none = self._upper(none)
@@ -905,9 +833,6 @@ class Study:
         """Return the error that a share 1 - confidence of the members exceeds."""
         return float(np.quantile(errors, self.confidence, method="higher"))
 
-    def _near(self, best: Choice, report: Progress) -> None:
-        self._add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
-
     def better(self) -> list[Choice]:
         """Return the choices that track better than none on nearly all drives, the best first."""
         most, rows = 1.0 - self.confidence, self.tried
@@ -916,7 +841,8 @@ class Study:
 
     def _holding(self, rule: str, report: Progress) -> Choice:
         for i, choice in enumerate(every := self.better()):
-            report((RULES.index(rule) + i / len(every)) / len(RULES), "waiting for drives to rest")
+            place = (RULES.index(rule) + i / len(every)) / len(RULES)
+            report(0.25 + 0.65 * place, "waiting for drives to rest")
             if all(self._holds(choice, rule, half) for half in range(2)):
                 return choice
         return NOTHING
@@ -927,17 +853,18 @@ class Study:
 
         def fails(rows: np.ndarray) -> np.ndarray:
             fate, swing = rows.T
-            if rule == BESIDE:
-                return (fate != RESTS) & (swing > np.maximum(none[: len(rows)], self.still))
-            return fate == HUNTS if rule == UNSURE else fate != RESTS
+            if rule == RESTING:
+                return fate != RESTS
+            return (fate != RESTS) & (swing > np.maximum(none[: len(rows)], self.still))
 
         return bool(fails(self.rests(choice, half, fails)).sum() <= self._most(half))
 
     def _most(self, half: int) -> int:
-        return max(hunting_at_most(len(self.halves[half]), self.hunts), 0)
+        many = len(self.halves[half])
+        return many if self.hunts == 1.0 else max(few(many, self.hunts), 0)
 
     def rests(self, choice: Choice, half: int = 1, fails: Any = None) -> np.ndarray:
-        """Return a :class:`Rest` of each member of a half; of the first ones once more of them
+        """Return fate and swing of each member of a half; of the first ones once more of them
         fail than may."""
         pairs, rows = self.halves[half], self.seen.get((choice, half), np.zeros((0, 2)))
         while len(rows) < len(pairs) and (fails is None or fails(rows).sum() <= self._most(half)):
@@ -953,9 +880,12 @@ class Study:
         setting, confidence = self.setting, self.confidence
         work = partial(tracking, setting, list(dict.fromkeys([NOTHING, best])))
         errors = self.run(work, part_of(report, 0.9, 1.0), self.halves[1])
-        none, own, task, sensing = errors[:, 0], errors[:, -1], setting.task, setting.sensing
+        none, own, task = errors[:, 0], errors[:, -1], setting.task
         fates, none_fates = self.rests(best), self.rests(NOTHING)
         hunted = {k[0]: float(np.mean(v[:, 0] == HUNTS)) for k, v in self.seen.items() if not k[1]}
+        drive = {"rate": 1.0 / setting.sensing.dt, "dead_time": setting.sensing.delay}
+        drive |= {k: getattr(setting.sensing, k) for k in ("resolution", "noise", "speed_noise")}
+        drive |= {k: getattr(setting, k) for k in ("torque", "speed", "frequency")}
         return Assurance(
             kind=task.kind,
             scale=best.scale,
@@ -968,8 +898,8 @@ class Study:
             bound=bound(own, confidence),
             none=float(np.median(none)),
             none_band=band(none),
-            hunts=Outcomes.of(fates[:, 0]),
-            none_hunts=Outcomes.of(none_fates[:, 0]),
+            hunts=Chance.of(fates[:, 0]),
+            none_hunts=Chance.of(none_fates[:, 0]),
             swing=bound(fates[:, 1], confidence),
             none_swing=bound(none_fates[:, 1], confidence),
             still=self.still,
@@ -977,30 +907,24 @@ class Study:
             unit=unit_of(task.kind, task.model),
             tried=tuple(replace(row, hunts=hunted.get(k)) for k, row in self.tried.items()),
             errors={"assured": own, "none": none},
-            drive={
-                "rate": 1.0 / sensing.dt,
-                "dead_time": sensing.delay,
-                **{k: getattr(sensing, k) for k in ("resolution", "noise", "speed_noise")},
-                **{k: getattr(setting, k) for k in ("torque", "speed", "frequency")},
-            },
+            drive=drive,
             models=tuple((b.model.name, b.weight) for b in beliefs),
-            messages=self._messages(best, rule),
+            messages=tuple(self._messages(best, rule)),
         )
 
-    def _messages(self, best: Choice, rule: str) -> tuple[str, ...]:
-        part, said, count = f"{100.0 * self.hunts:g} % of the drives", [], len(self.halves[1])
-        if count < (least := enough_at_rest(self.hunts)):
-            ends = 100.0 * Outcomes(0, count).ci95[1]
-            said.append(f"{count} drives cannot show that at most {part} hunt: if none of them "
-                        f"does, up to {ends:.2g} % may; members={least} can.")  # fmt: skip
+    def _messages(self, best: Choice, rule: str) -> Iterable[str]:
+        part, count = f"{100.0 * self.hunts:g} % of the drives", len(self.halves[1])
+        if count < (least := enough(self.hunts, 0)):
+            ends = 100.0 * Chance(0, count).ci95[1]
+            yield (f"{count} drives cannot show that at most {part} hunt: if none of them "
+                   f"does, up to {ends:.2g} % may; members={least} can.")  # fmt: skip
         if best is NOTHING and self.better():
-            said.append(f"compensations that track better swing at rest on more than {part}, and "
-                        "farther than without compensation.")  # fmt: skip
+            yield (f"compensations that track better swing at rest on more than {part}, and "
+                   "farther than without compensation.")  # fmt: skip
         elif best is not NOTHING and rule == BESIDE:
-            said.append(f"every compensation hunts on more than {part}; this one swings no farther "
-                        "than without compensation.")  # fmt: skip
-        if unsure := Outcomes.of(self.rests(best)[:, 0]).unsure:
+            yield (f"every compensation hunts or is undecided on more than {part}; this one swings "
+                   "no farther than without compensation.")  # fmt: skip
+        if unsure := Chance.of(self.rests(best)[:, 0]).unsure:
             seconds = self.setting.waits()[-1] * self.setting.sensing.dt
-            said.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
-                        f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
-        return tuple(said)
+            yield (f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
+                   f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip

@@ -12,34 +12,38 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
+import control as ct
 import numpy as np
 
 from ..blocks.aliases import listed, meant
 from ..blocks.block import members, unit_for
 from ..blocks.controllers import MEASURED
+from ..blocks.drive import dead_time
 from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import observer_block
-from ..blocks.plant import plant
+from ..blocks.plant import plant, sensor
 from ..core.display import Grid, Row, Shown, grid_html, grid_text
 from ..core.display import number as figure
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import ComparedRows, Fields, Result, library, plain
-from ..core.validation import flag, names, number, positive, real, share, shown
+from ..core.validation import flag, holds_samples, names, number, positive, real, share, shown
 from ..core.views import view
 from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
+from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.fitted import Fitted
-from ..loops.friction_loops import OUTPUTS, crossing
-from ..record.as_record import as_record, is_record
+from ..loops.friction_loops import OUTPUTS, Control, connected, crossing, read_of
+from ..record.as_record import as_record
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
-from .loop import (
+from .compensate import (
+    FASTEST,
     LUGRE,
     SETTLED,
-    Terms,
-    correction,
+    SampledLoop,
+    Task,
     designed,
     enough_samples,
     fastest,
@@ -49,10 +53,9 @@ from .loop import (
     top_speed,
     unit_of,
     unknown,
-    wrong,
 )
 
-COLUMNS = {  # field: heading, factor to the unit of the heading
+SCENARIOS = {  # heading, and the factor to its unit
     "velocity": ("e_w [mrad/s]", 1e3),
     "parameters": ("worst e_w [mrad/s]", 1e3),
     "position": ("e_theta [mrad]", 1e3),
@@ -62,13 +65,9 @@ COLUMNS = {  # field: heading, factor to the unit of the heading
     "load": ("load e_w [mrad/s]", 1e3),
     "rate": ("rate borne [Hz]", 1.0),
     "rounding": ("rounded e_w [mrad/s]", 1e3),
-    "cost": ("cost [us]", 1e6),
 }
+COLUMNS = {**SCENARIOS, "cost": ("cost [us]", 1e6)}
 STEP = 1e-3  # s
-SCENARIOS = (
-    *("velocity", "parameters", "position", "cycle", "noise", "delay"),
-    *("load", "rate", "rounding"),
-)
 OTHERS = [(k,) for k in ("J", "sigma0", "sigma1", "Fv", "vs")]  # believed wrong one at a time
 GAINS: dict[str, dict[str, float]] = {
     "velocity": {"kp": 1.6, "ki": 0.16},
@@ -80,9 +79,8 @@ LATEST, HALVINGS = 0.01, 7  # dead times up to 10 ms, found to 0.08 ms
 PATIENCE = 1.0  # s of computing for one run with a dead time
 FINE = 2.0 * np.pi / 2**17  # rad, the step of an encoder of 17 bits, where none is given
 TIMED = {"velocity", "noise", "delay", "rate"}  # with one of them the cost is known
-
-Signals = dict[str, np.ndarray]
 RATES = (2000.0, 1000.0, 500.0, 250.0)  # Hz
+Signals = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -156,8 +154,7 @@ class ObserverComparison(ComparedRows[Compared]):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python: the terms, a dictionary for each observer, and who was left out."""
-        rows = [row.summary() for row in self]
-        return {"terms": plain(self.terms), "observers": rows, "refused": dict(self.refused)}
+        return plain({"terms": self.terms, "observers": self._rows, "refused": self.refused})
 
     def to_frame(self) -> Any:
         """A DataFrame in SI units with the names as index; InputError without pandas."""
@@ -189,13 +186,7 @@ class ObserverComparison(ComparedRows[Compared]):
         return grid_html(self._grid()) + left
 
     def _left_out(self) -> list[str]:
-        return [f"{names} left out: {why}" for why, names in by_reason(self.refused)]
-
-
-def by_reason(refused: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Each reason once, with the observers that it is about."""
-    reasons = dict.fromkeys(refused.values())
-    return [(why, ", ".join(k for k, own in refused.items() if own == why)) for why in reasons]
+        return [f"{name} left out: {why}" for name, why in self.refused.items()]
 
 
 @shows_progress
@@ -203,7 +194,7 @@ def compare_observers(
     p: Parameters | Model,
     observers: str | Sequence[str | None] | None = None,
     *,
-    scenarios: str | Sequence[str] = SCENARIOS,
+    scenarios: str | Sequence[str] = tuple(SCENARIOS),
     wrong: float = 0.8,
     over: float = 1.2,
     off: float = 0.2,
@@ -334,12 +325,8 @@ def compare_observers(
 def _load(given: float | None, model: Model) -> float:
     level = model.known().get("Fc")
     if given is None and level is None:
-        law = model.friction.block.name
-        raise InputError(
-            f"load is missing: half of Fc is its default, which {law} friction does not have; give "
-            "it in N m."
-        )
-    return 0.5 * float(level or 0.0) if given is None else number(given, "load")
+        raise InputError("load is missing: half of Fc is its default, which this friction lacks.")
+    return number(0.5 * (level or 0.0) if given is None else given, "load")
 
 
 def chosen_observers(wanted: Any) -> list[str]:
@@ -362,6 +349,92 @@ def _chosen_scenarios(wanted: Any) -> set[str]:
     return set(given)
 
 
+LAM = 20.0  # 1/s, of the sliding error in a position loop
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What is equal for all observers: those that are not corrected by k e get what it is as a
+    controller, kp + sigma1 k and ki + sigma0 k. ``designed`` holds the gains of observers by name.
+    ``ahead``: the velocity loop has the feed-forward J dr, as the position loop has J ddr."""
+
+    model: Model
+    k: float
+    equal: bool
+    designed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    ahead: bool = False
+    bodies: dict[Any, Any] = field(default_factory=dict)
+
+    def feedback(self, name: str, gains: Mapping[str, float]) -> dict[str, float]:
+        known = self.model.known()
+        if not self.equal or corrected(name) or "sigma0" not in known:
+            return dict(gains)
+        extra = {"kp": self.k * known.get("sigma1", 0.0), "ki": self.k * known["sigma0"]}
+        return {g: v + extra.get(g, 0.0) for g, v in gains.items()}
+
+    def own(self, name: str, kind: str) -> dict[str, Any]:
+        """Return the gains of an observer; s contains 20 e of position, as its k allows for."""
+        gains = dict(self.designed.get(name, {}))
+        if not corrected(name):
+            return gains
+        on_s = "s" in observer_block(name).inputs and kind == "position"
+        return gains | {"k": self.k / LAM if on_s else self.k}
+
+    def control(self, name: str, kind: str, gains: Mapping[str, float]) -> list[Any]:
+        own, ahead = self.own(name, kind), self.ahead or kind == "position"
+        return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
+
+    def sampled(
+        self, name: str, kind: str, gains: Mapping[str, float], sensing: Sensing, speed: float
+    ) -> SampledLoop:
+        """Return the loop of an observer; ``speed``: the largest of the reference."""
+        task, control = Task(self.model, kind, {}), self.control(name, kind, gains)
+        return SampledLoop(task, sensing, control, FASTEST * speed, bodies=self.bodies)
+
+    def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
+        parts = [
+            plant(self.model, inputs=["u_late", "d"]),
+            dead_time(0.0, inputs=["u"], outputs=["u_late"]),
+            sensor(self.model, outputs=["w_s", "theta_s"]),
+            ct.summing_junction(["theta_s", "n_theta"], "theta_m", name="encoder"),
+            ct.summing_junction(["w_s", "n_w"], "w_m", name="speed"),
+            *self.control(name, kind, gains),
+        ]
+        inputs = [*read_of(parts), "n_theta", "n_w", "d"]
+        return connected(parts, inputs, OUTPUTS, f"{observer_block(name).name}_{kind}_loop")
+
+
+def corrected(name: str) -> bool:
+    made = observer_block(name)
+    return bool({"e", "s"} & {*made.inputs}) and "k" in made.parameters
+
+
+def wrong(
+    name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[Any, float]
+) -> dict[str, dict[str, float]]:
+    """Return what an observer may believe: each group of its parameters wrong, each way."""
+    needs, cases = observer_block(name).parameters, {}
+    for group in groups:
+        keys = [k for k in group if k in needs and known.get(k)]
+        for way in (-1.0, 1.0) if any(off.get(k) for k in keys) else ():
+            factors = {k: 1.0 + way * off.get(k, 0.0) for k in keys}
+            largest = max(factors.values(), key=lambda factor: abs(factor - 1.0))
+            cases[f"{', '.join(keys)} x{largest:g}"] = {k: f * known[k] for k, f in factors.items()}
+    return cases
+
+
+K = 0.35  # of an observer that the tracking error corrects, where no bristles say how much
+
+
+def correction(known: Mapping[str, Any], bandwidth: float) -> float:
+    """Return k that adds as much integral as the PI of this crossover has."""
+    if not known.get("sigma0"):
+        return K
+    k = known["J"] * bandwidth**2 / 20.0 / known["sigma0"]
+    damping = known.get("sigma1") or 0.0
+    return float(min(k, 0.5 * known["J"] * bandwidth / damping) if damping else k)
+
+
 class Bench:
     """The loops of one observer: each is built when a scenario needs it. ``levels``: how wrong
     friction is believed, everywhere and in "cycle", and how wrong all else is, SI."""
@@ -369,13 +442,12 @@ class Bench:
     def __init__(self, terms: Terms, name: str, levels: Mapping[str, Any]) -> None:
         self.terms, self.name, self.levels = terms, name, levels
         self.loops: dict[str, Any] = {}
+        self.more: dict[str, Any] = {}  # figures beside those of the scenarios
         self.last = np.zeros(0)  # the states at the end of the latest run
-        self.weakest: str | None = None
-        self.sampled: dict[str, float] = {}
 
     def compared(self, wanted: set[str], report: Progress) -> Compared:
         """Return the figures of the wanted scenarios; ``report`` hears which one begins."""
-        found: dict[str, float | None] = dict.fromkeys((*SCENARIOS, "cost"))
+        found: dict[str, Any] = dict.fromkeys((*SCENARIOS, "cost"))
         for i, scenario in enumerate(s for s in SCENARIOS if s in wanted):
             report(i / len(wanted), f"simulating {self.name}, scenario {scenario}")
             found[scenario] = getattr(self, scenario)()
@@ -384,120 +456,104 @@ class Bench:
         beside = {s: self.terms.feedback(self.name, gains) for s, gains in GAINS.items()}
         gains = {f"{s}.{g}": v for s, own in beside.items() for g, v in own.items()}
         short = self.name if self.name == "no_observer" else self.name.removesuffix("_observer")
-        more: dict[str, Any] = {"weakest": self.weakest, "sampled": self.sampled}
-        return Compared(name=short, feedback=gains, **found, **more)
+        return Compared(name=short, feedback=gains, **found, **self.more)
 
-    def believed(self, factor: float) -> dict[str, float]:
+    def believed(self, level: str = "wrong") -> dict[str, float]:
+        """Return the parameters of the observer that are wrong."""
         known, needs = self.terms.model.known(), observer_block(self.name).parameters
-        return {k: factor * known[k] for k in ("Fc", "Fs") if k in known and k in needs}
+        levels = [k for k in ("Fc", "Fs") if k in known and k in needs]
+        return {f"{self.name}.{k}": self.levels[level] * known[k] for k in levels}
 
     def run(
         self,
-        scenario: str,
         t: np.ndarray,
         rows: Mapping[str, Any],
-        factor: float | None = None,
+        scenario: str = "velocity",
         x0: Any = None,
-        **params: float,
+        params: Mapping[str, float] | None = None,
     ) -> Signals:
-        """Return signals by name; friction is believed at ``factor`` of its value."""
+        """Return signals by name, infinite where the loop diverges."""
         kind = "velocity" if scenario == "velocity" else "position"
         if kind not in self.loops:
             self.loops[kind] = self.terms.closed(self.name, kind, GAINS[scenario])
-        made = observer_block(self.name).name
-        level = float(self.levels["wrong"] if factor is None else factor)
-        values = {f"{made}.{k}": v for k, v in self.believed(level).items()}
+        values = self.believed("over" if scenario == "cycle" else "wrong")
         block, gains = "pi" if kind == "velocity" else "pid", GAINS[scenario]
         values |= {f"{block}.{g}": v for g, v in self.terms.feedback(self.name, gains).items()}
         system = self.loops[kind]
         given = {k: rows.get(k, 0.0 * t) for k in system.input_labels}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a loop that does not work is a result here
-            done = simulate(system, t, given, x0, params=values | params)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # a loop that does not work is a result here
+                done = simulate(system, t, given, x0, params=values | dict(params or {}))
+        except Diverged:
+            return dict.fromkeys((*OUTPUTS, "e"), np.full(len(t), np.inf))
         self.last = np.asarray(done.states)[..., -1]
         out: Signals = dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
         return out | {"e": out[MEASURED[kind]] - given["r"]}  # of the motion, not of its sensor
 
-    def _error(
-        self, since: float, length: float = 5.0, kind: str = "velocity", d: Any = None, **own: float
-    ) -> float:
-        """Return the RMS error from a time on; infinite where the loop diverges."""
-        t = _times(length)
-        rows = _reference(t, kind) | ({} if d is None else {"d": d(t)})
-        try:
-            return rms(self.run(kind, t, rows, **own)["e"][t >= since])
-        except Diverged:
-            return np.inf
-
     @cached_property
-    def clean(self) -> Signals | None:
-        """The run of the velocity scenario; None where it diverges."""
+    def clean(self) -> Signals:
+        """The run of the velocity scenario."""
         t = _times(5.0)
-        try:
-            return self.run("velocity", t, _reference(t))
-        except Diverged:
-            return None
+        return self.run(t, _reference(t))
 
     @cached_property
     def disturbed(self) -> tuple[float | None, float | None]:
         """The torque that noise of the encoder causes, and the time that a sample takes."""
         t, random, clean = _times(5.0), np.random.default_rng(0), self.clean
-        if clean is None:
+        if not np.isfinite(clean["e"]).all():
             return None, None
         read = clean["theta"] + random.normal(0.0, self.levels["noise"], len(t))
         angle = rounded(read, self.levels["resolution"]) - clean["theta"]
         rows = {"n_theta": angle, "n_w": np.diff(angle, prepend=angle[0]) / STEP}
         begun = time.perf_counter()
-        u = self.run("velocity", t, _reference(t) | rows)["u"]
+        u = self.run(t, _reference(t) | rows)["u"]
         took = (time.perf_counter() - begun) / len(t)
         return rms((u - clean["u"])[t >= 1.0]), took
 
-    @property
-    def allowed(self) -> float:
-        """The largest error that "delay" and "rate" allow."""
-        return SIZE + (np.inf if self.clean is None else float(np.abs(self.clean["e"]).max()))
-
     def velocity(self) -> float:
-        return np.inf if self.clean is None else rms(self.clean["e"][_times(5.0) >= 1.0])
+        return rms(self.clean["e"][_times(5.0) >= 1.0])
 
     def parameters(self) -> float:
         """Return the largest speed error with one more parameter wrong: "J x0.8"."""
-        made, off = observer_block(self.name), dict.fromkeys(LUGRE, float(self.levels["off"]))
-        cases = wrong(self.name, self.terms.model.known(), OTHERS, off)
-        errors = {
-            case: self._error(1.0, **{f"{made.name}.{k}": v for k, v in values.items()})  # pyright: ignore
-            for case, values in cases.items()
-        }
+        off, t = dict.fromkeys(LUGRE, float(self.levels["off"])), _times(5.0)
+        errors = dict[str, float]()
+        for case, values in wrong(self.name, self.terms.model.known(), OTHERS, off).items():
+            params = {f"{self.name}.{k}": v for k, v in values.items()}
+            errors[case] = rms(self.run(t, _reference(t), params=params)["e"][t >= 1.0])
         if not errors:
             return self.velocity()
-        self.weakest = max(errors, key=lambda which: errors[which])
-        return errors[self.weakest]
+        self.more["weakest"] = max(errors, key=lambda which: errors[which])
+        return max(errors.values())
 
     def position(self) -> float:
-        return self._error(5.0, 10.0, "position")
+        t = _times(10.0)
+        return rms(self.run(t, _reference(t, "position"), "position")["e"][t >= 5.0])
 
     def cycle(self) -> float:
         """Return the peak-to-peak position of the limit cycle at a set-point."""
         t = _times(15.0)
-        try:
-            out = self.run("cycle", t, {"r": SIZE + 0.0 * t}, self.levels["over"])
-        except Diverged:
-            return np.inf
-        return float(np.ptp(out["theta"][t >= 10.0]))
+        theta = self.run(t, {"r": SIZE + 0.0 * t}, "cycle")["theta"][t >= 10.0]
+        return float(np.ptp(theta)) if np.isfinite(theta).all() else np.inf
 
     def noise(self) -> float | None:
         return self.disturbed[0]
 
     def load(self) -> float:
         """Return the speed error from the step of a load torque on, which acts from 2 to 3.5 s."""
-        return self._error(
-            2.0, d=lambda t: np.where((t >= 2.0) & (t < 3.5), self.levels["load"], 0.0)
-        )
+        t = _times(5.0)
+        d = np.where((t >= 2.0) & (t < 3.5), self.levels["load"], 0.0)
+        return rms(self.run(t, _reference(t) | {"d": d})["e"][t >= 2.0])
+
+    @property
+    def allowed(self) -> float:
+        """The largest error that "delay" and "rate" allow."""
+        return SIZE + float(np.abs(self.clean["e"]).max())
 
     def delay(self) -> float | None:
         """Return the largest dead time that keeps the error small; None: a run takes too long."""
         low, high = 0.0, LATEST
-        for _ in range(HALVINGS if self.clean is not None else 0):
+        for _ in range(HALVINGS if np.isfinite(self.allowed) else 0):
             middle = (low + high) / 2
             quiet = self._quiet(middle)
             if quiet is None:
@@ -510,40 +566,34 @@ class Bench:
         x0, end = None, time.thread_time() + PATIENCE
         for k in range(20):
             t = STEP * np.arange(50 * k, 50 * k + 51)
-            try:
-                out = self.run("velocity", t, _reference(t), x0=x0, **{"dead_time.delay": delay})
-            except Diverged:
-                return False
-            x0 = self.last
-            if np.abs(out["e"]).max() > self.allowed:
+            e = self.run(t, _reference(t), x0=x0, params={"dead_time.delay": delay})["e"]
+            if np.abs(e).max() > self.allowed:
                 return False
             if time.thread_time() > end:
                 return None
+            x0 = self.last
         return True
 
     def rate(self) -> float:
         """Return the lowest rate at which and above which the error is as small as is allowed."""
-        lowest, holds = np.inf, True
+        lowest, holds, errors = np.inf, True, self.more.setdefault("sampled", {})
         for rate in sorted(self.levels["rates"], reverse=True):
-            error, worst = self._at_samples(Sensing(1.0 / rate, speed_noise=0.0))
-            self.sampled[f"{rate:g}"] = error
-            holds = holds and worst <= self.allowed
+            t, e = self._at_samples(Sensing(1.0 / rate, speed_noise=0.0))
+            errors[f"{rate:g}"] = rms(e[t >= 0.5])
+            holds = holds and float(np.abs(e).max()) <= self.allowed
             lowest = rate if holds else lowest
         return lowest
 
     def rounding(self) -> float:
-        return self._at_samples(Sensing(STEP, resolution=self.levels["rounding"]))[0]
+        t, e = self._at_samples(Sensing(STEP, resolution=self.levels["rounding"]))
+        return rms(e[t >= 0.5])
 
-    def _at_samples(self, sensing: Sensing) -> tuple[float, float]:
-        """Return RMS from 0.5 to 1.5 s, and the largest speed error, of a sampled drive."""
+    def _at_samples(self, sensing: Sensing) -> tuple[np.ndarray, np.ndarray]:
+        """Return times and the speed error of a sampled drive."""
         t = _times(1.5, sensing.dt)
-        rows, levels = _reference(t), self.believed(self.levels["wrong"])
-        control = self.terms.control(self.name, "velocity", GAINS["velocity"], levels)
-        try:
-            e = self.terms.run(control, "velocity", sensing, SIZE, rows)["w"] - rows["r"]
-        except Diverged:
-            return np.inf, np.inf
-        return rms(e[t >= 0.5]), float(np.abs(e).max())
+        loop = self.terms.sampled(self.name, "velocity", GAINS["velocity"], sensing, SIZE)
+        with interpreted():  # each loop runs a few times only
+            return t, loop.run(_reference(t), params=self.believed())["e"]
 
 
 def _times(length: float, dt: float = STEP) -> np.ndarray:
@@ -598,16 +648,8 @@ class Candidate(Shown):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
-        own = {k: getattr(self, k) for k in self.__dataclass_fields__}
-        own["gains"] = {k: "a function of w" if callable(v) else v for k, v in self.gains.items()}
-        own["certificate"] = self.certificate.summary() if self.certificate is not None else None
-        return plain(own)
-
-    def _title(self) -> str:
-        return f"Candidate {self.name}"
-
-    def _rows(self) -> Iterable[Row]:
-        return [Row("" if i else "reasons", said) for i, said in enumerate(self.reasons)]
+        gains = {k: "a function of w" if callable(v) else v for k, v in self.gains.items()}
+        return plain(vars(self) | {"gains": gains})
 
 
 @dataclass(frozen=True, repr=False)
@@ -684,9 +726,7 @@ class Recommendation(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
-        own = {k: getattr(self, k) for k in self.__dataclass_fields__ if k != "ranked"}
-        best = self.best.name if self.best else None
-        return plain({"best": best, "ranked": [row.summary() for row in self.ranked], **own})
+        return plain({"best": self.best and self.best.name, **vars(self)})
 
     def to_frame(self) -> Any:
         """A DataFrame, a row for each observer in order, then those that are not admissible."""
@@ -699,25 +739,24 @@ class Recommendation(Result):
         return pandas.DataFrame(rows, columns=["name", *columns]).set_index("name")
 
     def _title(self) -> str:
-        best = self.best.name if self.best else "none"
-        return f"Recommended observer: {best}"
+        return f"Recommended observer: {self.best.name if self.best else 'none'}"
 
     def _rows(self) -> Iterable[Row]:
-        rows = [
-            Row(f"{i + 1}. {row.name}", " ".join(row.reasons)) for i, row in enumerate(self.ranked)
-        ]
-        rows += [Row("not admissible", f"{k}: {why}") for why, k in by_reason(self.refused)]
+        for i, row in enumerate(self.ranked):
+            yield Row(f"{i + 1}. {row.name}", " ".join(row.reasons))
+        for name, why in self.refused.items():
+            yield Row("not admissible", f"{name}: {why}")
         drive = f"{self.drive['rate']:g} Hz, {', '.join(self.drive['measured'])} measured"
-        rows.append(Row("drive", drive, "", f"(from {self.drive['source']})"))
-        rows.append(Row("without", f"{figure(self.none, 3)} {self.unit}", "", "RMS error"))
-        return [*rows, *(Row("note", said) for said in self.messages)]
+        yield Row("drive", drive, "", f"(from {self.drive['source']})")
+        yield Row("without", f"{figure(self.none, 3)} {self.unit}", "", "RMS error")
+        yield from (Row("note", said) for said in self.messages)
 
     def __repr__(self) -> str:
         """The first three, how many follow, and how many are not admissible."""
         lines = [self._title()]
-        for i, row in enumerate(self.ranked[:3]):
-            first = row.reasons[0]
-            lines.append(f"  {i + 1}. {row.name}: {first[:1].lower()}{first[1:]}")
+        lines += [
+            f"  {i + 1}. {row.name}: {row.reasons[0]}" for i, row in enumerate(self.ranked[:3])
+        ]
         more, out = self.names[3:], ", ".join(self.refused)
         lines += [f"  then {', '.join(more)}"] if more else []
         lines += [f"  not admissible: {out}"] if out else []
@@ -733,65 +772,6 @@ class Recommendation(Result):
 
 def quantity(value: float, unit: str) -> str:
     return f"{figure(value, 3)} {unit}" if value >= 1.0 else f"{figure(1e3 * value, 3)} m{unit}"
-
-
-def reasons(
-    row: Candidate, order: Sequence[Candidate], none: float, units: Mapping[str, str], level: float
-) -> tuple[str, ...]:
-    best, others = order[0], order[1:]
-    text = f"Its error is at most {quantity(row.worst, units['e'])} ({row.worst_case}, the largest"
-    text += f" of {len(row.errors)})"
-    if row is best:
-        text += f"; without an observer it is {quantity(none, units['e'])}"
-        for one in others[:1]:
-            text += f", with {one.name}, the next, up to {quantity(one.worst, units['e'])}"
-    else:
-        times = row.worst / best.worst if best.worst > 0.0 else float("inf")
-        text += f", {figure(times, 3)} times that of {best.name}"
-        text += " and larger than without an observer" * (row.worst > none)
-        text += "; too large to try other wrong parameters" * (not row.complete)
-    knows = ", ".join(row.knows) or "no parameter of the drive"
-    said = [text + ".", f"It reads {', '.join(row.reads)} and must know {knows}."]
-    if 0.0 < row.noise < float("inf"):
-        part = f", {figure(100 * row.noise / level, 2)} % of the friction level" if level else ""
-        said.append(f"The sensor causes {quantity(row.noise, units['u'])} RMS of torque{part}.")
-    load = f"its error is {quantity(row.load, units['e'])}"
-    said.append(f"With a load step {load if row.load < float('inf') else 'the loop diverges'}.")
-    return (*said, certified(row.certificate))
-
-
-def certified(made: Certificate | None) -> str:
-    if made is None:
-        return "Its gains are not from a design rule, so nothing is guaranteed."
-    if not made.holds:
-        return f"Its gains have no certificate ({made.valid or made.lemma})."
-    rate = "" if made.rate is None else f": errors decay with {figure(made.rate, 3)} 1/s"
-    where = made.valid or "for every motion"
-    return f"Its certificate holds {where} if its parameters are right{rate}."
-
-
-def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:
-    known = {*measured, "u", "e", "r", *(["s"] if "w" in measured else [])}
-    missing = next((k for k in inputs if k not in known), None)
-    if missing is None:
-        return None
-    return (
-        f"it reads {'w' if missing == 's' else missing}, and this drive measures only "
-        f"{' and '.join(measured)}; give measured='theta w' where it has or computes both."
-    )
-
-
-def broken(row: Candidate, none: float, unit: str, rate: float) -> str | None:
-    bad = [case for case, error in row.errors.items() if not error < float("inf")]
-    if bad:
-        return f"it cannot run at {rate:g} Hz here: the loop diverges with {bad[0]}."
-    if row.errors[EXACT] > HELPS * none:
-        return (
-            f"it does not help at {rate:g} Hz with this sensor: even with exact parameters the "
-            f"error is {quantity(row.errors[EXACT], unit)}, without an observer "
-            f"{quantity(none, unit)}."
-        )
-    return None
 
 
 @shows_progress
@@ -902,175 +882,83 @@ def recommend_observer(
     spec = drive_of(record, said, model.motion, known)
     kind = "velocity" if "w" in spec["measured"] else "position"
     terms = Terms(model, correction(known, spec["bandwidth"]), True, given_gains(gains), ahead=True)
-    stand = Stand(terms, spec, kind, crossing(kind, known["J"], spec["bandwidth"]))
     wanted = [name for name in chosen_observers(observers) if name != "no_observer"]
     if not wanted:
         raise InputError("observers holds no observer: give at least one of lugrectl.observers().")
-    able, refused = _admissible(stand, wanted, flag(certified, "certified"))
-    terms = replace(terms, designed={name: gains for name, (gains, _) in able.items()})
-    stand, report = replace(stand, terms=terms), reporter(progress)
-    report(0.0, "simulating the loop without an observer")
-    none, unit, rows = stand.error("no_observer", {}), unit_of(kind, model), []
-    for row in _trials(stand, {name: made for name, (_, made) in able.items()}, report):
-        if why := broken(row, none, unit, spec["rate"]):
-            refused[row.name] = why
-        else:
-            rows.append(row)
-    rows.sort(key=lambda row: row.worst)
-    alike = [row for row in rows if row.worst <= ALIKE * rows[0].worst]
-    rows[: len(alike)] = sorted(alike, key=lambda row: row.noise)
-    return _answer(rows, refused, none, stand)
+    trial = Trial(terms, spec, kind, crossing(kind, known["J"], spec["bandwidth"]))
+    return trial.answer(wanted, flag(certified, "certified"), reporter(progress))
 
 
-Able = dict[str, tuple[dict[str, Any], Certificate | None]]  # gains and certificate by name
+class Trial:
+    """The loop in which the observers of a drive are tried: a sine of the speed, from rest.
+    ``spec``: the drive's sensor and task, SI."""
 
+    def __init__(
+        self, terms: Terms, spec: Mapping[str, Any], kind: str, gains: Mapping[str, float]
+    ) -> None:
+        rate, f = spec["rate"], spec["frequency"]
+        self.terms, self.spec, self.kind, self.gains = terms, spec, kind, gains
+        what = f"a sine of {f:g} Hz at {rate:g} samples per second"
+        self.t = np.arange(enough_samples(f, rate, what)) / rate
+        self.rows = sine(self.t, spec["speed"], f).rows(kind)
+        sensing = (spec[k] for k in ("noise", "resolution", "speed_noise", "delay"))
+        self.sensing = Sensing(1.0 / rate, *sensing)
+        self.model, self.unit = terms.model, unit_of(kind, terms.model)
+        self.loops: dict[tuple[str, Sensing], SampledLoop] = {}
+        self.refused: dict[str, str] = {}
+        self.none = np.inf
 
-def _admissible(stand: Stand, names: Sequence[str], certified: bool) -> tuple[Able, dict[str, str]]:
-    able: Able = {}
-    refused: dict[str, str] = {}
-    for name in names:
-        why = unseen(observer_block(name).inputs, stand.spec["measured"])
-        why = why or unknown(name, stand.terms.model)
-        own: tuple[dict[str, Any], Certificate | None] = {}, None
+    def answer(self, wanted: Sequence[str], sure: bool, report: Progress) -> Recommendation:
+        """Return all observers in the first cases, then the better ones in the others."""
+        report(0.0, "simulating the loop without an observer")
+        self.none = self.error("no_observer", {})
+        first: list[Candidate] = []
+        for i, name in enumerate(wanted):
+            report(0.6 * i / len(wanted), f"simulating {name}")
+            if row := self.first(name, sure):
+                first.append(row)
+        rows, best = list[Candidate](), np.inf
+        for i, row in enumerate(sorted(first, key=lambda row: row.worst)):
+            if row.worst <= NEAR * best:
+                part = part_of(report, 0.6 + 0.4 * i / len(first), 0.6 + 0.4 * (i + 1) / len(first))
+                row = replace(self.tried(row, OTHERS, part), complete=True)
+                best = min(best, row.worst)
+            rows += [row] if self.bearable(row) else []
+        rows.sort(key=lambda row: row.worst)
+        alike = [row for row in rows if row.worst <= ALIKE * rows[0].worst]
+        rows[: len(alike)] = sorted(alike, key=lambda row: row.noise)
+        return Recommendation(
+            ranked=tuple(replace(row, reasons=self.reasons(row, rows[0])) for row in rows),
+            refused=self.refused,
+            none=self.none,
+            signal=MEASURED[self.kind],
+            unit=self.unit,
+            motion=self.model.motion,
+            drive=plain(self.spec),
+            controller=dict(self.gains),
+            messages=tuple(self.messages(rows)),
+        )
+
+    def first(self, name: str, sure: bool) -> Candidate | None:
+        """Return an observer with exact parameters, a load, noise and friction believed wrong; None
+        for one that is refused."""
+        block, short = observer_block(name), name.removesuffix("_observer")
+        why = unseen(block.inputs, self.spec["measured"]) or unknown(name, self.model)
+        own: dict[str, Any] = {}
+        certificate = None
         try:
-            own = own if why else _designed(stand, name)
+            own, certificate = (own, None) if why else self.designed(name)
         except InputError as error:
             why = f"its gains cannot be designed for this drive: {error}"
-        if not why and certified and not own[1]:
+        if not why and sure and not certificate:
             why = "its gains have no certificate, and certified=True asks for one."
         if why:
-            refused[name.removesuffix("_observer")] = why
-        else:
-            able[name] = own
-    return able, refused
-
-
-def _designed(stand: Stand, name: str) -> tuple[dict[str, Any], Certificate | None]:
-    own, spec = stand.terms.designed.get(name), stand.spec
-    if own is not None or (name not in RULES and name != "proposed_observer"):
-        return dict(own or {}), None
-    dt = max(1.0 / spec["rate"], SAMPLED / (FASTER * spec["bandwidth"]) if name in ALONE else 0.0)
-    more = {"k": stand.terms.k, "kp": stand.gains["kp"]} if name in ON_ERROR else {}
-    gains, made = designed(stand.terms.model, name, dt, spec["speed"], **more)
-    if name == "normal_force_observer" and stand.kind == "velocity":
-        made = replace(made, holds=False, valid="its proof is about a position loop")
-    return gains, made
-
-
-def _trials(
-    stand: Stand, certificates: Mapping[str, Certificate | None], report: Progress
-) -> list[Candidate]:
-    """Return all observers in the first cases, then the better ones in the others."""
-    n, first, made, best = len(certificates), [], [], np.inf
-    for i, (name, certificate) in enumerate(certificates.items()):
-        part = part_of(report, 0.6 * i / n, 0.6 * (i + 1) / n)
-        first.append(stand.first(name, certificate, part))
-    for i, row in enumerate(sorted(first, key=lambda row: row.worst)):
-        if row.worst < np.inf and row.worst <= NEAR * best:
-            part = part_of(report, 0.6 + 0.4 * i / n, 0.6 + 0.4 * (i + 1) / n)
-            row = stand.tried(row, OTHERS, part, complete=True)
-            best = min(best, row.worst)
-        made.append(row)
-    return made
-
-
-def _answer(
-    rows: Sequence[Candidate], refused: Mapping[str, str], none: float, stand: Stand
-) -> Recommendation:
-    model, known = stand.terms.model, stand.terms.model.known()
-    unit = unit_of(stand.kind, model)
-    said = {"e": unit, "u": unit_for("N m", model.motion)}
-    level = float(max(known.get("Fc", 0.0), known.get("Fs", 0.0)))
-    return Recommendation(
-        ranked=tuple(replace(row, reasons=reasons(row, rows, none, said, level)) for row in rows),
-        refused=refused,
-        none=none,
-        signal=MEASURED[stand.kind],
-        unit=unit,
-        motion=model.motion,
-        drive=plain(stand.spec),
-        controller=dict(stand.gains),
-        messages=_messages(stand, none, rows),
-    )
-
-
-def _messages(stand: Stand, none: float, rows: Sequence[Candidate]) -> tuple[str, ...]:
-    effects = ", ".join(use.key for use in stand.terms.model.effects)
-    exact = not any(stand.spec[k] for k in ("noise", "resolution", "speed_noise"))
-    weak = bool(rows) and rows[0].worst > LITTLE * none
-    said = {
-        "The loop diverges without an observer too: give a lower bandwidth.": not np.isfinite(none),
-        f"The drive has {effects}; the observers do not know of it.": bool(effects),
-        "The sensor is taken as exact: give noise or resolution.": exact,
-        "Even the best observer may help little with parameters as wrong as these.": weak,
-        "No observer is admissible on this drive; the reasons are in refused.": not rows,
-    }
-    return tuple(text for text, holds in said.items() if holds)
-
-
-@dataclass(frozen=True)
-class Stand:
-    """The loop in which the observers are tried: a sine of the speed, from rest. ``spec``: the
-    drive's sensor and task, SI."""
-
-    terms: Terms
-    spec: Mapping[str, Any]
-    kind: str
-    gains: Mapping[str, float]
-
-    @cached_property
-    def sensing(self) -> Sensing:
-        rest = (self.spec[k] for k in ("noise", "resolution", "speed_noise", "delay"))
-        return Sensing(1.0 / self.spec["rate"], *rest)
-
-    @cached_property
-    def t(self) -> np.ndarray:
-        rate, f = self.spec["rate"], self.spec["frequency"]
-        what = f"a sine of {f:g} Hz at {rate:g} samples per second"
-        return np.arange(enough_samples(f, rate, what)) / rate
-
-    @cached_property
-    def rows(self) -> dict[str, np.ndarray]:
-        return sine(self.t, self.spec["speed"], self.spec["frequency"]).rows(self.kind)
-
-    def error(self, name: str, believed: Mapping[str, float], load: float = 0.0) -> float:
-        """Return the RMS error with these parameters believed; infinite if the loop diverges."""
-        try:
-            return self._missed(self._run(name, believed, self.sensing, load))
-        except Diverged:
-            return np.inf
-
-    def noise(self, name: str) -> float:
-        """Return the RMS torque that the sensor causes, its rounding included."""
-        try:
-            runs = (self.sensing, self.sensing.quiet())
-            loud, quiet = (self._run(name, {}, sensing)["u"] for sensing in runs)
-        except Diverged:
-            return np.inf
-        return self._counted(loud - quiet)
-
-    def _counted(self, x: np.ndarray) -> float:
-        return rms(x[self.t >= SETTLED / self.spec["frequency"]])
-
-    def _missed(self, out: Mapping[str, np.ndarray]) -> float:
-        return self._counted(out[MEASURED[self.kind]] - self.rows["r"])
-
-    def _run(
-        self, name: str, believed: Mapping[str, float], sensing: Sensing, load: float = 0.0
-    ) -> dict[str, np.ndarray]:
-        rows = self.rows | {"d": np.where(self.t >= 0.5 * self.t[-1], load, 0.0)}
-        control = self.terms.control(name, self.kind, self.gains, believed)
-        out = self.terms.run(control, self.kind, sensing, self.spec["speed"], rows)
-        with np.errstate(all="ignore"):
-            if not self._missed(out) < GROWN * float(np.abs(self.rows["r"]).max()):
-                raise Diverged(f"{name}: the error grows without bound.")
-        return out
-
-    def first(self, name: str, certificate: Certificate | None, report: Progress) -> Candidate:
-        report(0.0, f"simulating {name}")
-        block, exact = observer_block(name), self.error(name, {})
+            self.refused[short] = why
+            return None
+        self.terms = replace(self.terms, designed={**self.terms.designed, name: own})
+        exact = self.error(name, {})
         row = Candidate(
-            name=name.removesuffix("_observer"),
+            name=short,
             worst=exact,
             worst_case=EXACT,
             errors={EXACT: exact},
@@ -1082,22 +970,124 @@ class Stand:
             knows=tuple(k for k in LUGRE if k in block.parameters),
             complete=False,
         )
-        if not np.isfinite(exact):
-            return row
+        if not self.bearable(row):
+            return None
         more = {"load": self.error(name, {}, self.spec["load"]), "noise": self.noise(name)}
-        return self.tried(row, LEVEL, report, **more)
+        return self.tried(replace(row, **more), LEVEL, reporter(False))
 
-    def tried(
-        self, row: Candidate, groups: Sequence[Sequence[str]], report: Progress, **more: Any
-    ) -> Candidate:
+    def designed(self, name: str) -> tuple[dict[str, Any], Certificate | None]:
+        terms, spec = self.terms, self.spec
+        own = terms.designed.get(name)
+        if own is not None or (name not in RULES and name != "proposed_observer"):
+            return dict(own or {}), None
+        slow = SAMPLED / (FASTER * spec["bandwidth"]) if name in ALONE else 0.0
+        more = {"k": terms.k, "kp": self.gains["kp"]} if name in ON_ERROR else {}
+        gains, made = designed(self.model, name, max(self.sensing.dt, slow), spec["speed"], **more)
+        if name == "normal_force_observer" and self.kind == "velocity":
+            made = replace(made, holds=False, valid="its proof is about a position loop")
+        return gains, made
+
+    def tried(self, row: Candidate, groups: Sequence[Sequence[str]], report: Progress) -> Candidate:
         """Return the same with groups of parameters wrong, too."""
         name, errors = observer_block(row.name).name, dict(row.errors)
-        cases = wrong(name, self.terms.model.known(), groups, self.spec["uncertainty"])
+        cases = wrong(name, self.model.known(), groups, self.spec["uncertainty"])
         for i, (case, believed) in enumerate(cases.items()):
             report((i + 1) / (len(cases) + 1), f"simulating {name}, {case}")
             errors[case] = self.error(name, believed)
         case = max(errors, key=lambda k: errors[k])
-        return replace(row, errors=errors, worst=errors[case], worst_case=case, **more)
+        return replace(row, errors=errors, worst=errors[case], worst_case=case)
+
+    def run(
+        self, name: str, believed: Mapping[str, float], load: float = 0.0, sensing: Any = None
+    ) -> tuple[float, np.ndarray]:
+        """Return the RMS error, infinite if it grows without bound, and u, once it has settled."""
+        rows = self.rows | {"d": np.where(self.t >= 0.5 * self.t[-1], load, 0.0)}
+        key = name, sensing or self.sensing
+        if key not in self.loops:
+            more = self.kind, self.gains, key[1], self.spec["speed"]
+            self.loops[key] = self.terms.sampled(name, *more)
+        with interpreted():  # each loop runs a few times only
+            params = {f"{name}.{k}": v for k, v in believed.items()}
+            out = self.loops[key].run(rows, params=params)
+        later = self.t >= SETTLED / self.spec["frequency"]
+        with np.errstate(all="ignore"):
+            error, most = rms(out["e"][later]), GROWN * float(np.abs(self.rows["r"]).max())
+        return error if error < most else np.inf, out["u"][later]
+
+    def error(self, name: str, believed: Mapping[str, float], load: float = 0.0) -> float:
+        return self.run(name, believed, load)[0]
+
+    def noise(self, name: str) -> float:
+        """Return the RMS torque that the sensor causes, its rounding included."""
+        (one, loud), (two, quiet) = (
+            self.run(name, {}, sensing=s) for s in (None, self.sensing.quiet())
+        )
+        return rms(loud - quiet) if np.isfinite(one + two) else np.inf
+
+    def bearable(self, row: Candidate) -> bool:
+        """Return whether a loop works and its observer helps; it is refused where not."""
+        bad = next((case for case, error in row.errors.items() if not np.isfinite(error)), None)
+        exact, rate = row.errors[EXACT], self.spec["rate"]
+        if bad:
+            why = f"it cannot run at {rate:g} Hz here: the loop diverges with {bad}."
+        elif exact > HELPS * self.none:
+            why = (
+                f"it does not help at {rate:g} Hz with this sensor: even with exact parameters the "
+                f"error is {quantity(exact, self.unit)}, without an observer "
+                f"{quantity(self.none, self.unit)}."
+            )
+        else:
+            return True
+        self.refused[row.name] = why
+        return False
+
+    def reasons(self, row: Candidate, best: Candidate) -> tuple[str, ...]:
+        known, unit = self.model.known(), unit_for("N m", self.model.motion)
+        level = max(known.get("Fc", 0.0), known.get("Fs", 0.0))
+        worst, none = (quantity(x, self.unit) for x in (row.worst, self.none))
+        other = f", that of {best.name} {quantity(best.worst, self.unit)}"
+        few = "" if row.complete else "; too large to try other wrong parameters"
+        part = f", {figure(100 * row.noise / level, 2)} % of the friction level" if level else ""
+        load = f"its error is {quantity(row.load, self.unit)}"
+        return (
+            f"Its error is at most {worst} ({row.worst_case}, the largest of {len(row.errors)})"
+            f"{other * (row is not best)}, without an observer {none}{few}.",
+            f"It reads {', '.join(row.reads)} and must know "
+            f"{', '.join(row.knows) or 'no parameter of the drive'}.",
+            f"The sensor causes {quantity(row.noise, unit)} RMS of torque{part}.",
+            f"With a load step {load if row.load < np.inf else 'the loop diverges'}.",
+            guaranteed(row.certificate),
+        )
+
+    def messages(self, rows: Sequence[Candidate]) -> Iterable[str]:
+        if not np.isfinite(self.none):
+            yield "The loop diverges without an observer too: give a lower bandwidth."
+        if self.model.effects:
+            effects = ", ".join(use.key for use in self.model.effects)
+            yield f"The drive has {effects}; the observers do not know of it."
+        if not any(self.spec[k] for k in ("noise", "resolution", "speed_noise")):
+            yield "The sensor is taken as exact: give noise or resolution."
+        if rows and rows[0].worst > LITTLE * self.none:
+            yield "Even the best observer may help little with parameters as wrong as these."
+        if not rows:
+            yield "No observer is admissible on this drive; the reasons are in refused."
+
+
+def guaranteed(made: Certificate | None) -> str:
+    if made is None:
+        return "Its gains are not from a design rule, so nothing is guaranteed."
+    if not made.holds:
+        return f"Its gains have no certificate ({made.valid or made.lemma})."
+    rate = "" if made.rate is None else f": errors decay with {figure(made.rate, 3)} 1/s"
+    where = made.valid or "for every motion"
+    return f"Its certificate holds {where} if its parameters are right{rate}."
+
+
+def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:
+    known = {*measured, "u", "e", "r", *(["s"] if "w" in measured else [])}
+    missing = ["w" if k == "s" else k for k in inputs if k not in known]
+    only = f", and this drive measures only {' and '.join(measured)}"
+    return f"it reads {missing[0]}{only}: see measured." if missing else None
 
 
 def drive_of(
@@ -1106,20 +1096,12 @@ def drive_of(
     """Return a drive's sensor and task: what is said goes before a dict of numbers or estimates
     from a record, and these before what suits the parameters ``known``."""
     seen: dict[str, Any] = {"source": "the arguments"}
-    lists = ("measured", "uncertainty")  # the values of a drive that are no numbers
-    if isinstance(record, Mapping) and not any(
-        np.ndim(v) > 0 and not isinstance(v, str) for k, v in record.items() if k not in lists
-    ):
+    if isinstance(record, Mapping) and not holds_samples(record):
         if strange := [k for k in record if k not in CHECKS]:
             hint = meant(strange[0], CHECKS)
             raise InputError(f"record: a drive has no value {shown(strange[0])}; {hint}")
         said = {**record, **said}
     elif record is not None:
-        if not is_record(record):
-            raise InputError(
-                "record must be a record (a path, DataFrame, dict of arrays or Record) or a dict "
-                f"of numbers such as {{'rate': 1000}}, not {shown(record)}."
-            )
         log = as_record(record, motion)
         sensing, speed = sensing_of(log), top_speed(log)
         seen = {k: getattr(sensing, k) for k in ("noise", "resolution", "speed_noise")}
@@ -1168,16 +1150,12 @@ def _measured(given: Any, _: str) -> tuple[str, ...]:
 
 def _uncertain(given: Any, _: str) -> dict[str, float]:
     """Return by how much each parameter may be wrong, as a share."""
-    if not isinstance(given, Mapping):
-        if real(given) == 0.0:
-            return dict.fromkeys(LUGRE, 0.0)
-        return dict.fromkeys(LUGRE, share(given, "uncertainty"))
-    for key in given:
+    sizes: dict[str, Any] = dict(given if isinstance(given, Mapping) else {k: given for k in LUGRE})
+    for key, size in sizes.items():
         if key not in LUGRE:
             raise InputError(f"uncertainty: there is no {shown(key)}; {meant(key, LUGRE)}")
-    sizes = {k: 0.0 if real(v) == 0.0 else share(v, f"uncertainty of {k}")
-             for k, v in given.items()}  # fmt: skip
-    return dict.fromkeys(LUGRE, 0.0) | sizes
+        sizes[key] = 0.0 if real(size) == 0.0 else share(size, "uncertainty")
+    return {k: sizes.get(k, 0.0) for k in LUGRE}
 
 
 CHECKS: dict[str, Callable[[Any, str], Any]] = {

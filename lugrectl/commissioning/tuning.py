@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from ..bench import Recommendation, recommend_observer
+from ..bench.observers import Recommendation, recommend_observer
 from ..blocks.model import Model, as_model, changed
 from ..blocks.plant import plant
 from ..core.display import Row, noticed

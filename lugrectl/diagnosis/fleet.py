@@ -197,7 +197,7 @@ class Fleet(Result):
         return rows + ([Row("unfinished", self.unfinished)] if self.unfinished else [])
 
     def __str__(self) -> str:
-        return view("fleet_page.text")(self)
+        return view("fleet_page.page")(self).text()
 
     def _repr_html_(self) -> str:
         return view("fleet_page.page")(self).fragment()

@@ -26,7 +26,7 @@ from ..torque_balance.verdict import PLANT, common_factor
 from .asked import Asked
 
 if TYPE_CHECKING:
-    from ..bench import Compensation
+    from ..bench.compensate import Compensation
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 

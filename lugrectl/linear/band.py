@@ -47,9 +47,9 @@ class BandwidthVerdict(Verdict):
         return self.stable and math.isfinite(self.bandwidth)
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw |T(jw)| with the bandwidth, and the phase; returns the Axes.
+        """Draw |T(jw)| with the bandwidth; returns a list of its Axes.
 
-        ``ax``: an Axes for the first, or two; else a new figure.
+        ``ax``: an Axes; else a new figure.
         """
         return view("loop_plots.band")(self, ax)
 

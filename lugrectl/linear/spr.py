@@ -135,9 +135,9 @@ class SprVerdict(Verdict):
         return self.classification == "SPR"
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw Re T(jw) with band edge and margin, and the Nyquist curve; returns the Axes.
+        """Draw Re T(jw) with band edge and margin; returns a list of its Axes.
 
-        ``ax``: an Axes for the first, or two; else a new figure.
+        ``ax``: an Axes; else a new figure.
         """
         return view("loop_plots.realness")(self, ax)
 

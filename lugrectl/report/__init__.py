@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..core.validation import shown
 from ..core.writing import nearest, write_together
 from .page import Figure, Page, Section, beside
-from .wording import BUDGET, ERRORS, headline, sections, toml_of
+from .wording import headline, sections, toml_of
 
 __all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
 
@@ -42,36 +42,26 @@ def html(d: Any, folder: Path | None = None) -> str:
     if known is not None:
         said = [f"lugrectl {known.version}, {known.date}", known.command]
         said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
-        lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
-        more.append(f"<h2>Provenance</h2>\n{lines}")
+        more.append(Section("Provenance", tuple(said)))
     return _page(d, more).html()
 
 
-def _page(d: Any, more: list[str]) -> Page:
+def _page(d: Any, more: list[Section | str]) -> Page:
     title, meaning = headline(d)
     return Page(title, meaning, [*_parts(d), *more], kind=title.split(":")[0])
 
 
 def _parts(d: Any) -> Iterator[Section | Figure | str]:
+    """The first section, the plots, the others, and the log."""
     from . import diagnosis_plots
 
-    plots = {figure.name: figure for figure in diagnosis_plots.figures(d)}
-    budget, balance, said = plots.pop("budget", None), getattr(d, "plain", None), sections(d)
-    log = diagnosis_plots.log_figures(balance) if balance is not None else []
-    log = [beside(log)] if log else []
-    if not said or said[0].title != BUDGET:
-        yield from log
-    for part in said:
-        yield part
-        if part.title == BUDGET:
-            yield from filter(None, (budget, *log))
-        if part.title == ERRORS:
-            yield from plots.values()
-            plots = {}
-    yield from plots.values()
+    said, balance = sections(d), getattr(d, "plain", None)
+    yield from (*said[:1], *diagnosis_plots.figures(d), *said[1:])
+    if log := diagnosis_plots.log_figures(balance) if balance is not None else []:
+        yield beside(log)
 
 
-def _model_file(d: Any, folder: Path | None) -> list[str]:
+def _model_file(d: Any, folder: Path | None) -> list[Section | str]:
     if getattr(d, "model", None) is None:
         return []
     return [f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>"]

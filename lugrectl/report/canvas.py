@@ -6,10 +6,13 @@ from __future__ import annotations
 import functools
 import io
 import re
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from ..core.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
 MEASURED, BEFORE, AFTER, QUIET = "#3b4450", "#d1622b", "#1f6fb4", "#b9c2cd"
 LINE, MARK = "#2c5f8a", "#c0392b"  # of a curve over frequency, and of what is marked on it
 SIZE = (6.4, 3.3)  # inches, of one plot
+_TITLE = 62  # letters in a line of its title
 HALF = (4.2, 2.6)  # of one of two side by side on a page
 _RC: dict[Any, Any] = {
     "font.size": 10,
@@ -53,6 +57,8 @@ def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axe
     """Draw panels into one new figure of pyplot, which a panel that fails takes away."""
     import matplotlib.pyplot as plt
 
+    if not panels:
+        raise InputError("there is nothing to plot here (refused, or without traces).")
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     size = (SIZE[0] * columns, SIZE[1] * rows)
@@ -60,7 +66,9 @@ def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axe
     figure = plt.figure(figsize=size, layout="constrained")
     try:
         with style():
-            axes = [figure.add_subplot(rows, columns, i + 1) for i in range(len(panels))]
+            last = len(panels) - 1  # it takes what is left of its row
+            places: list[Any] = [*range(1, last + 1), (last + 1, rows * columns)]
+            axes = [figure.add_subplot(rows, columns, place) for place in places]
             for panel, ax in zip(panels, axes, strict=True):
                 panel(ax)
     except BaseException:
@@ -92,35 +100,24 @@ def style() -> Any:
     return matplotlib.rc_context(_RC)
 
 
-def empty(ax: Axes, said: str) -> None:
-    ax.text(0.5, 0.6, said, ha="center", transform=ax.transAxes, color="0.4")
-
-
-def headed(ax: Axes, title: str, marks: Sequence[Any] = (), columns: int = 3) -> Axes:
-    """Set the title, with the legend of all labels or of ``marks`` between it and the axes."""
+def headed(ax: Axes, title: str, marks: Sequence[Any] = (), columns: int = 3, **axes: Any) -> Axes:
+    """Set ``axes``, and the title above the legend of all labels, or of ``marks``."""
+    ax.set(**axes)
     known = marks or ax.get_legend_handles_labels()[0]
-    ax.set_title(title, pad=8 + 14 * -(-len(known) // columns))
+    ax.set_title(textwrap.fill(title, _TITLE), pad=8 + 14 * -(-len(known) // columns))
     if known:
-        ax.legend(
-            handles=known,
-            loc="lower left",
-            bbox_to_anchor=(0.0, 1.0),
-            ncols=columns,
-            fontsize="small",
-            borderaxespad=0.2,
-            borderpad=0.0,
-            handlelength=1.4,
-            columnspacing=1.2,
-        )
+        place: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+        ax.legend(handles=known, ncols=columns, fontsize="small", borderpad=0.0, **place)
     return ax
 
 
-def octaves(ax: Axes) -> None:
+def octaves(axis: Any) -> None:
+    """Name 1, 2 and 5 of each decade of a logarithmic axis in plain numbers."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def binned(

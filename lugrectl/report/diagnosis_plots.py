@@ -3,8 +3,7 @@ and returns the Axes."""
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -35,35 +34,27 @@ TITLES = {"u": "Torque", "w": "Speed", "theta": "Angle"}
 _BINS = 1500  # of time over which a long signal is drawn as a band from least to greatest value
 _MEANS, _SOME = 160, 4000  # bins in which a residual is averaged, and points of it
 _REST = 0.02  # of the top speed, below which a sample is at rest
-_LINES = 14  # of remarks beside the plots
-_COLUMNS = 78  # of a line of remarks
 
 
 def plot(balance: Balance) -> list[Axes]:
-    panels = [figure.draw for figure in log_figures(balance)]
-    return on_pyplot([*panels, *([partial(remarks, balance)] if balance.said else [])], columns=2)
+    return on_pyplot([figure.draw for figure in log_figures(balance)], columns=2)
 
 
 def log_figures(balance: Balance) -> list[Figure]:
-    """Every plot that there is something for; the remarks are text in a report."""
-    panels = _panels(balance) if balance.stretches else ()
-    return [Figure(f"log-{i}", caption, draw, HALF) for i, (caption, draw) in enumerate(panels)]
-
-
-def _panels(balance: Balance) -> Iterator[tuple[str, Callable[..., Any]]]:
-    some = balance.stretches[0]
-    motion = [role for role in ("w", "theta") if getattr(some, role) is not None]
-    shaded = "; shaded: left out" if any(not one.ok.all() for one in balance.stretches) else ""
-    yield f"Torque as it was recorded{shaded}.", partial(signal, balance, role="u")
-    for role in motion:
-        yield f"{role} as it was recorded.", partial(signal, balance, role=role)
+    """Every plot that there is something for."""
+    if not balance.stretches:
+        return []
+    motion = [k for k in ("w", "theta") if getattr(balance.stretches[0], k) is not None]
+    panels = [(f"{role} as recorded; shaded: left out.", partial(signal, balance, role=role))
+              for role in ("u", *motion)]  # fmt: skip
     if balance.curve:
-        yield "Friction over speed, with 95 % bars, and the plain fit.", partial(curve, balance)
+        caption = "Friction over speed, with 95 % bars, and the plain fit."
+        panels.append((caption, partial(curve, balance)))
     if balance.residual is not None:
-        yield "What the plain torque balance leaves.", partial(fit, balance)
-        for role in dict.fromkeys(("w", *motion)):
-            caption = f"The same over {role}, with its mean; without samples at rest."
-            yield caption, partial(rest, balance, role=role)
+        caption = "What the plain balance leaves over {}, with its mean; without samples at rest."
+        over = dict.fromkeys(("t", "w", *motion))
+        panels += [(caption.format(role), partial(rest, balance, role=role)) for role in over]
+    return [Figure(f"log-{i}", caption, draw, HALF) for i, (caption, draw) in enumerate(panels)]
 
 
 def starts(balance: Balance) -> list[float]:
@@ -88,9 +79,8 @@ def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
             start, end = float(one.t[a]) + shift, float(one.t[b - 1]) + shift
             ax.axvspan(start, end, color=LEFT_OUT, alpha=0.5, lw=0)
     _between_runs(balance, ax)
-    ax.set(xlabel="t [s]", ylabel=f"{role} [{si_unit(role, balance.motion)}]")
-    ax.margins(x=0.01)
-    return headed(ax, f"{TITLES[role]} as recorded")
+    label = f"{role} [{si_unit(role, balance.motion)}]"
+    return headed(ax, f"{TITLES[role]} as recorded", xlabel="t [s]", ylabel=label, xmargin=0.01)
 
 
 @drawn
@@ -105,32 +95,16 @@ def curve(balance: Balance, ax: Axes) -> Axes:
         x = np.linspace(0.0, side * (side * w).max(initial=0.0), 2)
         law = friction(balance, x, side) + values.get("constant_torque", 0.0)
         ax.plot(x, factor * law, color=MEASURED, lw=1.2, label="plain fit" if side > 0 else None)
-    ax.set(xlabel=f"w [{unit_for('rad/s', balance.motion)}]", ylabel=f"friction [{unit}]")
-    ax.margins(x=0.01)
-    return headed(ax, "Friction over speed")
-
-
-@drawn
-def fit(balance: Balance, ax: Axes) -> Axes:
-    """What the plain balance leaves of the torque, in windows over time."""
-    windows = balance.residual
-    assert windows is not None
-    pairs = zip(balance.stretches, starts(balance), strict=True)
-    shifts = {one.run: shift for one, shift in pairs}
-    t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
-    factor, unit = readable([np.abs(windows.value).max()], unit_for("N m", balance.motion))
-    _between_runs(balance, ax)
-    ax.plot(t, factor * windows.value, ".", ms=2.0, color=AFTER, rasterized=True)
-    ax.set(xlabel="t [s]", ylabel=f"residual torque [{unit}]")
-    ax.margins(x=0.01)
-    left = number(100.0 * (balance.left or 0.0), 2)
-    return headed(ax, f"Plain fit: leaves {left} % of the RMS torque")
+    speed = f"w [{unit_for('rad/s', balance.motion)}]"
+    return headed(ax, "Friction over speed", xlabel=speed, ylabel=f"friction [{unit}]")
 
 
 @drawn
 def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
-    """The same over speed or angle, and its mean; samples at rest would cover all others."""
-    parts = [at_samples(balance, one) for one in balance.stretches]
+    """What the plain balance leaves of the torque over time, speed or angle, and its mean; samples
+    at rest would cover all others."""
+    pairs = zip(balance.stretches, starts(balance), strict=True)
+    parts = [at_samples(balance, one) | {"t": one.t + shift} for one, shift in pairs]
     w, x, y = (np.concatenate([part[k] for part in parts]) for k in ("w", role, "left"))
     good = np.isfinite(y)
     moving = good & (np.abs(w) > _REST * top_speed(w[good]))
@@ -147,9 +121,11 @@ def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
     low, high = np.quantile(factor * y, [0.005, 0.995])
     ax.set_ylim(1.3 * low - 0.3 * high, 1.3 * high - 0.3 * low)
     over = f"{role}{' modulo one turn' * turns} [{si_unit(role, balance.motion)}]"
-    ax.set(xlabel=over, ylabel=f"residual torque [{unit}]")
-    ax.margins(x=0.01)
-    return headed(ax, f"Plain fit: what it leaves over {role}, and its mean")
+    if role == "t":
+        _between_runs(balance, ax)
+    left = number(100.0 * (balance.left or 0.0), 2)
+    title = f"Plain fit: leaves {left} % of the RMS torque, over {role}"
+    return headed(ax, title, xlabel=over, ylabel=f"residual torque [{unit}]")
 
 
 def _between_runs(balance: Balance, ax: Axes) -> None:
@@ -158,18 +134,6 @@ def _between_runs(balance: Balance, ax: Axes) -> None:
     for before, one, shift in zip(parts, parts[1:], shifts[1:], strict=False):
         if one.run != before.run:
             ax.axvline(float(one.t[0]) + shift, color="#9aa4b0", lw=0.9, ls="--")
-
-
-@drawn
-def remarks(balance: Balance, ax: Axes) -> Axes:
-    bullet: Any = {"initial_indent": "- ", "subsequent_indent": "  "}
-    lines = [line for note in balance.said for line in textwrap.wrap(note, _COLUMNS, **bullet)]
-    if len(lines) > _LINES:
-        lines = [*lines[: _LINES - 1], "  ..."]
-    ax.axis("off")
-    text = "\n".join(lines)
-    ax.text(0.0, 1.0, text, va="top", family="monospace", fontsize=7.5, transform=ax.transAxes)
-    return headed(ax, "What was noticed")
 
 
 def envelope(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -193,15 +157,12 @@ _CURVES = {"refitted": BEFORE, "augmented": AFTER}
 _RUN: dict[str, Any] = {"fmt": "o", "ms": 4.0, "lw": 1.0}
 _TERMS = {"friction": "#5b6675", "effect": AFTER, "rest": QUIET}
 CAPTIONS = {
-    "motion": "Measured and simulated motion over the two held-out seconds where the refitted "
-    "model has its largest error. The models are simulated from the recorded torque alone; where "
-    "they jump, they are restarted from the measured motion.",
-    "budget": "Where the torque goes, RMS as a share of friction: blue what is missing from the "
-    "model.",
+    "motion": "The two held-out seconds of the refitted model's largest error. Where the models "
+    "jump, they are restarted from the measured motion.",
+    "budget": "Where the torque goes; blue: what is missing from the model.",
     "map": "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves.",
     "torque": "Residual torque: single samples (dots) and their mean (lines).",
-    "table": "The residual torque as a table, with its 95 % band. It describes the residual "
-    "without a physical explanation.",
+    "table": "The residual torque as a table, with its 95 % band, without a physical explanation.",
     "tracking": "Tracking error of the simulated loop: motion minus reference.",
 }
 _LAGS = {
@@ -223,8 +184,8 @@ def motion(d: Any, ax: Axes) -> Axes:
     ax.plot(t, traces.measured[cut], color=QUIET, lw=3.5, label="measured")
     for model, values in models.items():
         ax.plot(t, values[cut], color=_CURVES[model], lw=1.3, label=f"simulated, {model}")
-    ax.set(xlabel="t [s]", ylabel=f"{name} [{unit}]", xlim=(t[0], t[-1]))
-    return headed(ax, "Measured and simulated, held-out samples")
+    shown: Any = {"xlabel": "t [s]", "ylabel": f"{name} [{unit}]", "xlim": (t[0], t[-1])}
+    return headed(ax, "Measured and simulated, held-out samples", **shown)
 
 
 def _models(d: Any) -> dict[str, np.ndarray]:
@@ -280,10 +241,10 @@ def torque(d: Any, ax: Axes) -> Axes:
         ax.plot(x, mean, color=color, lw=2.0, label=f"{label}, mean")
         shown += list(mean[np.isfinite(mean)])
     times = " x sign(w)" * view.signed
-    ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
     margin = 0.15 * (max(shown) - min(shown))
-    ax.set_ylim(min(shown) - margin, max(shown) + margin)
-    return headed(ax, f"{name.capitalize()}{', held-out samples' * view.held_out}")
+    ax.set(xlim=(edges[0], edges[-1]), ylim=(min(shown) - margin, max(shown) + margin))
+    title = f"{name.capitalize()}{', held-out samples' * view.held_out}"
+    return headed(ax, title, xlabel=view.label, ylabel=f"{name}{times} [{unit}]")
 
 
 def limits(values: np.ndarray, cut: float) -> tuple[float, float]:
@@ -377,10 +338,7 @@ def bars(d: Any, ax: Axes) -> Axes:
         ax.annotate(share, (end, i), **beside, va="center", fontsize="small")
     ax.set_yticks(range(len(parts)), terms(parts))
     ax.grid(False, axis="y")
-    ax.margins(x=0.15)
-    ax.set_xlabel("RMS torque [% of friction]")
-    ax.set_title(BUDGET)
-    return ax
+    return headed(ax, BUDGET, xlabel="RMS torque [% of friction]", xmargin=0.15)
 
 
 @drawn
@@ -388,7 +346,10 @@ def friction_map(made: Any, ax: Axes) -> Axes:
     """Mean torque over speed, one point with its 95 % bar per run, and the models' curves."""
     factor, unit = readable([float(np.max(np.abs(made.u)))], unit_for("N m", made.motion))
     name = "torque" if made.motion == "rotary" else "force"
-    ax.set(xlabel=f"w [{unit_for('rad/s', made.motion)}]", ylabel=f"mean {name} [{unit}]")
+    shown: Any = {
+        "xlabel": f"w [{unit_for('rad/s', made.motion)}]",
+        "ylabel": f"mean {name} [{unit}]",
+    }
     left = made.at < 0.0
     for model, curve in made.curves.items():
         for side, label in ((left, model), (~left, None)):
@@ -396,7 +357,7 @@ def friction_map(made: Any, ax: Axes) -> Axes:
     for which, face, label in ((~made.held_out, MEASURED, None), (made.held_out, "w", "held out")):
         y, bars = (factor * values[which] for values in (made.u, Z95 * made.error))
         ax.errorbar(made.w[which], y, bars, color=MEASURED, mfc=face, label=label, **_RUN)
-    return headed(ax, f"Mean {name} over speed, one point for each run")
+    return headed(ax, f"Mean {name} over speed, one point for each run", **shown)
 
 
 @drawn
@@ -406,8 +367,8 @@ def correlations(r: Any, ax: Axes) -> Axes:
         first = 1 if name == "autocorrelation" else 0
         y, at = getattr(r, name)[first:], r.lags[first:] + 0.2 * i
         ax.vlines(at, 0.0, y, color=colour, lw=2, label=label)
-    ax.set(xlabel="lag [samples]", ylabel="correlation")
-    return headed(ax, f"Prediction errors of {r.signal}")
+    title = f"Prediction errors of {r.signal}"
+    return headed(ax, title, xlabel="lag [samples]", ylabel="correlation")
 
 
 # --- all of them ---------------------------------------------------------------------------
@@ -441,9 +402,7 @@ def overview(d: Any, ax: Axes | None = None) -> Any:
     Raises InputError when there is nothing to plot.
     """
     plots = [figure.draw for figure in figures(d)]
-    if not plots:
-        raise InputError("there is nothing to plot here (refused, or without traces).")
-    if ax is not None:
+    if ax is not None and plots:
         return plots[0](ax)
     axes = on_pyplot(plots, columns=2)
     return axes[0] if len(axes) == 1 else np.array(axes, dtype=object)

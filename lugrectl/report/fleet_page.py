@@ -7,14 +7,12 @@ import io
 import itertools
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
-from ..core.display import NONE, Grid, grid_html, grid_text, number
+from ..core.display import NONE, Grid, number
 from . import FILES, check_folder, write, written
-from .page import Page, wrapped
+from .page import Page, Section
 from .wording import readable
 
 INDEX: tuple[str, ...] = ("index.html", "summary.csv")
@@ -36,20 +34,6 @@ def headline(fleet: Any) -> tuple[str, str]:
     if left:
         meaning += f" Interrupted: {left} of {n + left} not diagnosed."
     return title, meaning
-
-
-def text(fleet: Any) -> str:
-    title, meaning = headline(fleet)
-    lines = [title, wrapped(meaning, "  ")]
-    if fleet.rows:
-        shown = _shown([row["file"] for row in fleet.rows])
-        cells = [_cells(row, name) for row, name in zip(fleet.rows, shown, strict=True)]
-        head, *table = grid_text(Grid(_HEAD, _ALIGN, tuple(cells)))
-        lines += ["", head]
-        for line, row in zip(table, fleet.rows, strict=True):
-            lines += [line, *(wrapped(said, "      ", "        ") for said in details(row))]
-        lines += ["", wrapped(_NOTE, "  ")]
-    return "\n".join(lines) + "\n"
 
 
 def details(row: Mapping[str, Any]) -> list[str]:
@@ -86,20 +70,17 @@ def _shown(files: Sequence[str]) -> list[str]:
 
 
 def page(fleet: Any, links: Mapping[str, str] | None = None) -> Page:
-    shown = _shown([row["file"] for row in fleet.rows])
-    cells = (
-        (*_cells(row, name), "; ".join(details(row)))
-        for row, name in zip(fleet.rows, shown, strict=True)
-    )
-    table = grid_html(Grid((*_HEAD, "found"), f"{_ALIGN}l", tuple(cells)))
-    for row, name in zip(fleet.rows, shown, strict=True):
-        if link := (links or {}).get(row["file"]):
-            linked = f'><a href="{quote(link)}">{escape(name)}</a></td>'
-            table = table.replace(f">{escape(name)}</td>", linked, 1)
-    parts = [f'<div class="prose">{table}</div>', f'<p class="small">{_NOTE}</p>']
-    left = "".join(f"<li>{escape(file)}</li>" for file in fleet.unfinished)
-    parts += [f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>"] if left else []
-    return Page(*headline(fleet), parts, style="fleet")
+    names = _shown([row["file"] for row in fleet.rows])
+    rows = list(zip(fleet.rows, names, strict=True))
+    found = [f"- {name}: {'; '.join(said)}" for row, name in rows if (said := details(row))]
+    table = Grid(_HEAD, _ALIGN, tuple(_cells(row, name) for row, name in rows))
+    parts = [Section("Logs", (), table, _NOTE)] if rows else []
+    parts += [Section("What was found", tuple(found))] if found else []
+    left = tuple(f"- {file}" for file in fleet.unfinished)
+    parts += [Section("Not diagnosed", left)] if left else []
+    known = links or {}
+    targets = {name: known[row["file"]] for row, name in rows if row["file"] in known}
+    return Page(*headline(fleet), parts, links=targets)
 
 
 def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:

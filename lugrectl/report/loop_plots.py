@@ -17,19 +17,7 @@ from ..linear.passivity import least_power
 from ..linear.systems import curve
 from ..linear.systems import curve_name as name_of
 from ..linear.systems import curve_size as size_of
-from .canvas import (
-    AFTER,
-    BEFORE,
-    LINE,
-    MARK,
-    QUIET,
-    drawn,
-    empty,
-    headed,
-    octaves,
-    on_pyplot,
-    style,
-)
+from .canvas import AFTER, BEFORE, LINE, MARK, QUIET, drawn, headed, octaves, on_pyplot, style
 from .wording import readable
 
 if TYPE_CHECKING:
@@ -39,13 +27,8 @@ COLOURS = {"none": QUIET, "before": BEFORE, "after": AFTER}
 _WAYS = (("w > 0", AFTER), ("w < 0", BEFORE))
 _POINTS = 1000  # quantiles of a sweep are computed at this many times at most
 UNSTABLE = "#5b6675"
-REGIONS = {
-    "quiet": "#cfe8d5",
-    "can be started": "#f7e3b0",
-    "hunting": "#f0b8ae",
-    "undecided": "#d5d5dd",
-}
-AXES = {"friction": "friction, times what is believed"}
+REGIONS = ("quiet", "can be started", "hunting", "undecided")
+COLOURED = ("#cfe8d5", "#f7e3b0", "#f0b8ae", "#d5d5dd")
 MOST = 10.0  # |D| that is drawn: beyond it are rest and growth without a stick
 
 
@@ -60,12 +43,10 @@ def table(made: Any, ax: Axes) -> Axes:
     for y, error, (label, colour) in zip(rows, errors, ways, strict=True):
         ax.fill_between(x, y - Z95 * error, y + Z95 * error, color=colour, alpha=0.2, lw=0)
         ax.plot(x, y, color=colour, lw=1.6, label=label)
-    signal = made.signals[0]
-    unit = si_unit(signal, made.motion)
-    turn = " modulo one turn" if made.periodic else ""
-    name = "torque" if made.unit == "N m" else "force"
-    ax.set(xlabel=f"{signal}{turn} [{unit}]", ylabel=f"{name} [{made.unit}]", xlim=(x[0], x[-1]))
-    return headed(ax, f"Unexplained {name} over {signal}, as a table")
+    signal, name = made.signals[0], "torque" if made.unit == "N m" else "force"
+    over = f"{signal}{' modulo one turn' * made.periodic} [{si_unit(signal, made.motion)}]"
+    title = f"Unexplained {name} over {signal}, as a table"
+    return headed(ax, title, xlabel=over, ylabel=f"{name} [{made.unit}]")
 
 
 @drawn
@@ -76,9 +57,8 @@ def tracking(made: Any, ax: Axes) -> Axes:
     for key, run in made.runs.items():
         ax.plot(run.t, factor * errors[key], color=COLOURS[key], lw=1.3, label=key)
     signal = "w" if made.kind == "velocity" else "theta"
-    ax.set(xlabel="t [s]", ylabel=f"error of {signal} [{unit}]")
-    ax.margins(x=0.0)
-    return headed(ax, "Tracking error in simulation") if made.runs else ax
+    title = "Tracking error in simulation"
+    return headed(ax, title, xlabel="t [s]", ylabel=f"error of {signal} [{unit}]")
 
 
 @drawn
@@ -93,20 +73,21 @@ def recommendation(made: Any, ax: Axes) -> Axes:
     exact = [factor * next(iter(row.errors.values())) for row in rows]
     ax.scatter(exact, y, color="w", edgecolors=AFTER, zorder=3, label="exact parameters")
     ax.axvline(factor * made.none, color=BEFORE, label="without an observer")
-    ax.set(xscale="log", xlabel=f"RMS error of {made.signal} [{unit}]", yticks=y)
-    octaves(ax)
-    ax.set_yticklabels([row.name for row in rows])
-    return headed(ax, "Observers on this drive")
+    ax.set(xscale="log", yticks=y, yticklabels=[row.name for row in rows])
+    octaves(ax.xaxis)
+    return headed(ax, "Observers on this drive", xlabel=f"RMS error of {made.signal} [{unit}]")
 
 
 @drawn
 def assurance(made: Any, ax: Axes) -> Axes:
     """The upper error over the share of each observer, with the bands of what was chosen."""
     factor, unit = readable([made.none], made.unit)
+    ax.set(yscale="log")
+    octaves(ax.yaxis)
     for name in dict.fromkeys(one.observer for one in made.tried):
         rows = sorted((one.scale, one.upper) for one in made.tried if one.observer == name)
         x, y = np.array(rows).T
-        ax.plot(x, factor * np.where(np.isfinite(y), y, np.nan), ".-", lw=1.0, label=name)
+        ax.plot(x, factor * y, ".-", lw=1.0, label=name)
     for label, colour, middle, ends, x in (
         ("without", QUIET, made.none, made.none_band, 0.0),
         ("to be dared", AFTER, made.error, made.band, made.scale),
@@ -114,30 +95,27 @@ def assurance(made: Any, ax: Axes) -> Axes:
         bars = factor * np.abs(np.array([ends]).T - middle)
         look = {"fmt": "o", "color": colour, "capsize": 4, "label": f"{label}, 95 %"}
         ax.errorbar([x], [factor * middle], bars, **look)
-    share = f"on {100.0 * made.confidence:g} % of drives"
-    ax.set(yscale="log", xlabel="share of the estimate", ylabel=f"RMS error {share} [{unit}]")
-    return headed(ax, made._title().removeprefix("Assurance: ").capitalize())
+    error = f"RMS error on {100.0 * made.confidence:g} % of drives [{unit}]"
+    title = made._title().removeprefix("Assurance: ").capitalize()
+    return headed(ax, title, xlabel="share of the estimate", ylabel=error)
 
 
 @drawn
 def chance(made: Any, ax: Axes) -> Axes:
     """Amplitude over period of the members that hunt."""
     ax.plot(made.periods, made.amplitudes, "o", color=BEFORE, label="drives that hunt")
-    if not len(made.periods):
-        empty(ax, "none of the drives hunts")
-    ax.set(xlabel="period [s]", ylabel=f"amplitude [{made.unit}]")
-    return headed(ax, made._title().capitalize())
+    title = made._title().capitalize()
+    return headed(ax, title, xlabel="period [s]", ylabel=f"amplitude [{made.unit}]")
 
 
 @drawn
 def growth(found: Any, ax: Axes) -> Axes:
     """T(e)/e over the error e at breakaway; cycles where it is 1."""
-    unit = unit_for("rad", found.motion)
+    ax.set(xscale="log", yscale="log")
     if found.curve is not None:
         x, D = found.curve
-        ax.loglog(x, np.exp(np.where(np.abs(D) < MOST, D, np.nan)), color=LINE, label="T(e)/e")
+        ax.plot(x, np.exp(np.where(np.abs(D) < MOST, D, np.nan)), color=LINE, label="T(e)/e")
     ax.axhline(1.0, color="0.4", lw=0.8)
-    ax.set(xscale="log", yscale="log")
     for stable, colour, name in ((True, MARK, "stable cycle"), (False, UNSTABLE, "unstable")):
         sizes = [c.amplitude for c in found.cycles if c.stable == stable]
         if sizes:
@@ -145,18 +123,14 @@ def growth(found: Any, ax: Axes) -> Axes:
             ax.plot(sizes, np.ones(len(sizes)), "o", color=colour, mfc=fill, label=name)
     if found.basin:
         ax.axvline(found.basin, color=UNSTABLE, ls="--", label="border of rest")
-    if found.curve is None and not found.cycles:
-        empty(ax, "no cycle was found")
-    ax.set(xlabel=f"error at breakaway [{unit}]", ylabel="error at the next turn / error")
-    return headed(ax, found._title()[:1].upper() + found._title()[1:])
+    over = f"error at breakaway [{unit_for('rad', found.motion)}]"
+    return headed(ax, found._title(), xlabel=over, ylabel="error at the next turn / error")
 
 
 @drawn
 def sliding(found: Any, ax: Axes) -> Axes:
     """How fast a deviation from steady sliding grows over the speed, and both speeds."""
-    if found.growth is None:
-        empty(ax, found._title())
-    else:
+    if found.growth is not None:
         ax.semilogx(*found.growth, color=LINE, label="growth of a small deviation")
     ax.axhline(0.0, color="0.4", lw=0.8)
     for name, speed, colour in (
@@ -165,8 +139,7 @@ def sliding(found: Any, ax: Axes) -> Axes:
     ):
         if speed and np.isfinite(speed):
             ax.axvline(speed, color=colour, ls="--", label=name)
-    ax.set(xlabel=f"speed v [{found.unit}]", ylabel="growth [1/s]")
-    return headed(ax, found._title()[:1].upper() + found._title()[1:])
+    return headed(ax, found._title(), xlabel=f"speed v [{found.unit}]", ylabel="growth [1/s]")
 
 
 @drawn
@@ -176,14 +149,16 @@ def regions(found: Any, ax: Axes) -> Axes:
     from matplotlib.patches import Patch
 
     (one, two), (first, second) = found.names, found.values
-    colours = ListedColormap(list(REGIONS.values()))
+    colours = ListedColormap(COLOURED)
     ax.pcolormesh(first, second, found.region.T, cmap=colours, vmin=0, vmax=3, shading="nearest")
-    marks: list[Any] = [Patch(facecolor=c, edgecolor="0.5", label=n) for n, c in REGIONS.items()]
+    pairs = zip(REGIONS, COLOURED, strict=True)
+    marks: list[Any] = [Patch(facecolor=c, edgecolor="0.5", label=name) for name, c in pairs]
     if one in found.gains and two in found.gains:
         at = ([found.gains[one]], [found.gains[two]])
         marks += ax.plot(*at, "k*", ms=12, label="your gains")
-    ax.set(xscale="log", yscale="log", xlabel=one, ylabel=AXES.get(two, two))
-    return headed(ax, "Where the loop hunts", marks)
+    ax.set(xscale="log", yscale="log")
+    label = "friction, times what is believed" if two == "friction" else two
+    return headed(ax, "Where the loop hunts", marks, xlabel=one, ylabel=label)
 
 
 @drawn
@@ -198,8 +173,7 @@ def sweep(found: Any, ax: Axes, output: str | None = None) -> Axes:
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
     ax.fill_between(t, low, high, color=AFTER, alpha=0.25, lw=0, label="5 to 95 %")
     ax.plot(t, middle, color=AFTER, lw=1.3, label="median")
-    ax.set(xlabel="t [s]", ylabel=name)
-    return headed(ax, f"{found.name}, {len(values)} members")
+    return headed(ax, f"{found.name}, {len(values)} members", xlabel="t [s]", ylabel=name)
 
 
 # ---- over frequency
@@ -209,81 +183,70 @@ NEAR_MINUS_1 = 3.0  # up to which |L| the Nyquist curve is drawn
 CERTAIN = 0.95  # the least coherence that is drawn as certain
 _DASHED: dict[str, Any] = {"color": MARK, "ls": "--"}
 TURN = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 361))
+OVER = "w [rad/s]"
 TURNED = -450.0  # deg: a dead time turns on and on, far below every margin
 
 
 def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     edge = verdict.band_edge
     w, T = _curve(verdict, edge)
-    of = name_of(verdict._source)
-    good = np.isfinite(T)
-    w, re, im = w[good], np.real(T[good]), np.imag(T[good])
-
-    def real(own: Axes) -> None:
-        size = np.max(np.abs(re), initial=0.0)
-        _line(own, w, re)
-        own.set_yscale("asinh", linear_width=max(1e-3 * size, 1e-300))  # signed, without a kink
-        if 0 < edge < w[-1]:
-            own.axvline(edge, **_DASHED, label=f"band edge {edge:.4g} rad/s")
-        shown = verdict and math.isfinite(verdict.margin)
-        margin = f", margin {verdict.margin:.4g} 1/s" if shown else ""
-        own.set(xlabel="w [rad/s]", ylabel=f"Re {of}")
-        headed(own, f"{verdict.classification}{margin}")
-
-    def nyquist(own: Axes) -> None:
-        own.plot(re, im, color=LINE)
-        own.axvline(0.0, **_DASHED, label="Re T = 0")
-        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}")
-        headed(own, "Nyquist, w > 0")
-
-    return _panels([real, nyquist], ax)
+    w, re = w[np.isfinite(T)], np.real(T[np.isfinite(T)])
+    shown = verdict and math.isfinite(verdict.margin)
+    margin = f", margin {verdict.margin:.4g} 1/s" if shown else ""
+    said = f"{verdict.classification}{margin}", f"band edge {edge:.4g} rad/s"
+    axes = _marked(ax, w, re, edge, said, ylabel=f"Re {name_of(verdict._source)}")
+    least = max(1e-3 * np.max(np.abs(re), initial=0.0), 1e-300)  # signed, without a kink
+    axes[0].set_yscale("asinh", linear_width=least)
+    return axes
 
 
 def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     at = verdict.frequency
     w, T = _curve(verdict, at)
-
-    def size(own: Axes) -> None:
-        own.semilogx(w, _decibel(T), color=LINE)
-        if math.isfinite(verdict.gain):
-            place = "as w grows" if math.isinf(at) else f"at {at:.4g} rad/s"
-            most = float(_decibel(verdict.gain))
-            label = f"largest: {verdict.gain:.4g} ({most:.4g} dB) {place}"
-            own.axhline(most, **_DASHED, label=label)
-            if w[0] <= at <= w[-1]:
-                own.plot([at], [most], "o", color=MARK)
-        own.set(xlabel="w [rad/s]", ylabel=f"{size_of(verdict._source)} [dB]")
-        headed(own, "L2 gain")
-
-    return _panels([size], ax)
+    place = "as w grows" if math.isinf(at) else f"at {at:.4g} rad/s"
+    title = f"L2 gain, largest: {verdict.gain:.4g} ({_decibel(verdict.gain):.4g} dB) {place}"
+    return _marked(ax, w, _decibel(T), at, (title,), ylabel=f"{size_of(verdict._source)} [dB]")
 
 
 def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     width = verdict.bandwidth
     w, T = _curve(verdict, width)
-    decibel = _decibel(T)
+    title = f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)"
+    return _marked(ax, w, _decibel(T), width, (title,), ylabel=f"{size_of(verdict._source)} [dB]")
 
-    def magnitude(own: Axes) -> None:
-        own.semilogx(w, decibel, color=LINE)
-        if math.isfinite(width):
-            label = f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)"
-            own.axvline(width, **_DASHED, label=label)
-            own.plot([width], [np.interp(np.log(width), np.log(w), decibel)], "o", color=MARK)
-        own.set(xlabel="w [rad/s]", ylabel=f"{size_of(verdict._source)} [dB]")
-        headed(own, "Bandwidth")
 
-    def phase(own: Axes) -> None:
-        own.semilogx(w, np.degrees(np.unwrap(np.angle(T))), color=LINE)
-        if math.isfinite(width):
-            own.axvline(width, **_DASHED)
-        own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
+def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """The least power that the friction takes, over w^2, and the speed at which it is 0."""
+    speed = verdict.speed
+    w = np.geomspace(1e-3, 1e2, 800) * (speed if math.isfinite(speed) else verdict._source[-1])
+    title = f"The friction is {'passive' if verdict else 'not passive'}"
+    said = title, f"may give energy back above {speed:.4g} rad/s"
+    power = {"xlabel": "|w| [rad/s]", "ylabel": "least (w F - dV/dt)/w^2 [N m s/rad]"}
+    return _marked(ax, w, least_power(w, *verdict._source), speed, said, **power)
 
-    return _panels([magnitude, phase], ax)
+
+def _marked(
+    ax: Any, w: np.ndarray, y: np.ndarray, at: float, said: Sequence[str], **axes: Any
+) -> Sequence[Axes]:
+    """Draw y over w; ``said``: the title, and what is at the frequency that is marked."""
+
+    def panel(own: Axes) -> None:
+        _line(own, w, y)
+        if w[0] <= at <= w[-1]:
+            own.axvline(at, **_DASHED, label="".join(said[1:]) or None)
+            own.plot([at], [np.interp(at, w, y)], "o", color=MARK)
+        own.set_xlabel(OVER)
+        headed(own, said[0], **axes)
+
+    return _panels([panel], ax)
 
 
 def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     """Magnitude and phase of the open loop with its margins, and the Nyquist curve."""
     at = np.array([w for w in verdict.crossovers if w > 0])
+    said = f"Closed loop {'stable' if verdict else 'not stable'}"
+    if math.isfinite(verdict.delay_margin):
+        said += f", delay margin {verdict.delay_margin:.4g} s"
     ends = {of: _place(verdict, of) for of in ("gain", "phase", "modulus")}
     w, L = curve(verdict._source, *at, *(ends[k] for k in ("gain", "modulus") if ends[k]))
     crossing = np.interp(ends["gain"], w, np.real(L)) + 1j * np.interp(ends["gain"], w, np.imag(L))
@@ -291,17 +254,13 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     turned = _turned(L, w, ends["phase"], verdict.phase_margin)
 
     def size(own: Axes) -> None:
-        _line(own, w, _decibel(L))
+        _line(own, w, _decibel(L), 0.0)
         own.plot(at, np.zeros(len(at)), "o", color=MARK, label="crossover")
         if ends["gain"]:
             level = float(_decibel(crossing))
             label = f"gain margin {-level:.4g} dB at {ends['gain']:.4g} rad/s"
             own.plot([ends["gain"]] * 2, [level, 0.0], color=MARK, lw=2, label=label)
-        said = "stable" if verdict else "not stable"
-        if math.isfinite(verdict.delay_margin):
-            said += f", delay margin {verdict.delay_margin:.4g} s"
-        own.set(xlabel="w [rad/s]", ylabel=f"|{of}| [dB]")
-        headed(own, f"Closed loop {said}")
+        headed(own, said, xlabel=OVER, ylabel=f"|{of}| [dB]")
 
     def phase(own: Axes) -> None:
         _line(own, w, turned, -180.0)
@@ -310,13 +269,12 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
             span = [-180.0, verdict.phase_margin - 180.0]
             own.plot([ends["phase"]] * 2, span, color=MARK, lw=2, label=_said(verdict, "phase"))
         low = min([TURNED, *np.interp(at, w, turned) - 90.0])
-        own.set(xlabel="w [rad/s]", ylabel="phase [deg]", ylim=(max(own.get_ylim()[0], low), None))
-        headed(own, "")
+        own.set_ylim(max(own.get_ylim()[0], low))
+        headed(own, "", xlabel=OVER, ylabel="phase [deg]")
 
     def nyquist(own: Axes) -> None:
         _about_minus_1(own, L, verdict, crossing.real if ends["gain"] else -math.inf)
-        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}")
-        headed(own, "Nyquist, w > 0", columns=2)
+        headed(own, "Nyquist, w > 0", columns=1, xlabel=f"Re {of}", ylabel=f"Im {of}")
 
     return _panels([size, phase, nyquist], ax)
 
@@ -340,29 +298,14 @@ def _about_minus_1(own: Axes, L: np.ndarray, verdict: Any, crossing: float) -> N
     own.set_aspect("equal", adjustable="datalim")
 
 
-def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
-    """The least power that the friction takes, over w^2, and the speed at which it is 0."""
-    speed = verdict.speed
-    w = np.geomspace(1e-3, 1e2, 800) * (speed if math.isfinite(speed) else verdict._source[-1])
-
-    def least(own: Axes) -> None:
-        _line(own, w, least_power(w, *verdict._source))
-        if math.isfinite(speed):
-            label = f"may give energy back above {speed:.4g} rad/s"
-            own.axvline(speed, **_DASHED, label=label)
-        own.set(xlabel="|w| [rad/s]", ylabel="least (w F - dV/dt)/w^2 [N m s/rad]")
-        headed(own, f"The friction is {'passive' if verdict else 'not passive'}")
-
-    return _panels([least], ax)
-
-
 def _curve(verdict: Any, at: float) -> tuple[np.ndarray, np.ndarray]:
     return curve(verdict._source, *([at] if math.isfinite(at) else []))
 
 
-def _line(own: Axes, w: np.ndarray, y: np.ndarray, level: float = 0.0) -> None:
+def _line(own: Axes, w: np.ndarray, y: np.ndarray, level: float | None = None) -> None:
     own.semilogx(w, y, color=LINE)
-    own.axhline(level, color="0.4", lw=0.8)
+    if level is not None:
+        own.axhline(level, color="0.4", lw=0.8)
 
 
 def _place(verdict: Any, of: str) -> float:
@@ -423,9 +366,9 @@ def bode(found: Any) -> Sequence[Axes]:
             hertz, dots = mode.frequency / (2.0 * np.pi), mode.kind == "antiresonance"
             look = {"color": MARK, "lw": 0.9, "ls": ":" if dots else "--"}
             ax.axvline(hertz, **look, label=f"{mode.kind} {hertz:.3g} Hz")
-        ax.set(ylabel=f"|P| [dB of {found.unit}]")
         bad = f[found.governed]
-        headed(ax, f"Friction governs {bad[0]:.3g} to {bad[-1]:.3g} Hz" if len(bad) else "")
+        title = f"Friction governs {bad[0]:.3g} to {bad[-1]:.3g} Hz" if len(bad) else ""
+        headed(ax, title, ylabel=f"|P| [dB of {found.unit}]")
 
     def phase(ax: Axes) -> None:
         curves(ax, np.degrees(found.raw_phase), np.degrees(found.phase))
@@ -440,7 +383,7 @@ def bode(found: Any) -> Sequence[Axes]:
     axes = on_pyplot([*own, *more], columns=2 if more else 1)
     for ax in axes[: len(own)]:
         ax.set_xlim(f[0], f[-1])
-        octaves(ax)
+        octaves(ax.xaxis)
     return axes
 
 
@@ -457,11 +400,10 @@ def _of_gains(found: Any) -> list[Callable[[Axes], None]]:
         ax.plot(np.real(circle), np.imag(circle), color=MARK, lw=0.9, label=f"Ms {Ms:.2f}")
         ax.plot(np.real(TURN), np.imag(TURN), color="0.7", lw=0.7, ls=":")
         ax.plot([-1.0], [0.0], "+", color=MARK)
-        ax.set(xlim=(-wide, wide / 3), ylim=(-wide / 1.5, wide / 1.5))
-        ax.set(xlabel="Re L", ylabel="Im L", aspect="equal")
+        ax.set(xlim=(-wide, wide / 3), ylim=(-wide / 1.5, wide / 1.5), aspect="equal")
         gains = found.cascade or {k: getattr(found, k) for k in ("kp", "ki", "kd")}
         said = ", ".join(f"{k} {v:.4g}" for k, v in gains.items() if v)
-        headed(ax, f"{found._title()}\n{said}")
+        headed(ax, f"{found._title()}: {said}", xlabel="Re L", ylabel="Im L")
 
     def step(ax: Axes) -> None:
         t, y = found.step()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any
+from urllib.parse import quote
 
 from ..core.display import Grid, grid_html, grid_text
 from .canvas import SIZE, inline_svg
@@ -25,7 +26,6 @@ _STYLE = """
 .lugrectl .adequate { border-color: #2f7d4f; }
 .lugrectl .ambiguous, .lugrectl .unexplained { border-color: #c47f17; }
 .lugrectl .refused { border-color: #b03a2e; }
-.lugrectl .equation { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace; }
 .lugrectl .table { overflow-x: auto; }
 .lugrectl table { border-collapse: collapse; font-size: .92rem; margin: .5rem 0;
   font-variant-numeric: tabular-nums; }
@@ -33,16 +33,13 @@ _STYLE = """
   text-align: left; white-space: nowrap; background: none; }
 .lugrectl th { font-weight: 600; color: #4a5563; }
 .lugrectl .r { text-align: right; }
-.lugrectl .small { font-size: .88rem; color: #4a5563; }
 .lugrectl figure { margin: 1rem 0; break-inside: avoid; }
-.lugrectl figcaption { font-size: .88rem; color: #4a5563; margin-top: .2rem; }
+.lugrectl .small, .lugrectl figcaption { font-size: .88rem; color: #4a5563; }
 .lugrectl svg { display: block; width: 100%; height: auto; max-width: 44rem; }
 .lugrectl .log { display: grid; grid-template-columns: repeat(auto-fit, minmax(19rem, 1fr));
   column-gap: 1rem; }
 .lugrectl pre { font-size: .85rem; line-height: 1.4; background: #f4f6f8; padding: .8rem 1rem;
   overflow-x: auto; }
-.lugrectl .prose td { white-space: normal; vertical-align: top; }
-.lugrectl.fleet { max-width: 76rem; }
 """
 _ALONE = """
 :root { color-scheme: light; }
@@ -67,26 +64,19 @@ class Section:
     lines: tuple[str, ...] = ()
     grid: Grid | None = None
     footnote: str = ""
-    formula: bool = False
-    prose: tuple[int, ...] = ()  # columns of sentences, which a text reads in this order
 
     def text(self) -> str:
-        rows = self.grid.rows if self.grid and self.prose else ()
-        cells = ([row[i].rstrip(".") for i in self.prose] for row in rows)
-        lines = (*self.lines, *("- {} ({}): {}.".format(*row) for row in cells))
-        parts = [wrapped(line, "  ", "    " if line[:2] == "- " else "  ") for line in lines]
-        parts += grid_text(self.grid) if self.grid and not self.prose else []
+        parts = [wrapped(line, "  ", "    " if line[:2] == "- " else "  ") for line in self.lines]
+        parts += grid_text(self.grid) if self.grid else []
         parts += [wrapped(self.footnote, "  ")] if self.footnote else []
         return "\n".join([self.title, *parts])
 
     def html(self) -> str:
-        style = ' class="equation"' if self.formula else ""
         parts = [f"<h2>{escape(self.title)}</h2>"]
-        parts += [f"<p{style}>{escape(line.removeprefix('- '))}</p>" for line in self.lines]
+        parts += [f"<p>{escape(line.removeprefix('- '))}</p>" for line in self.lines]
         parts += [grid_html(self.grid)] if self.grid else []
         parts += [f'<p class="small">{escape(self.footnote)}</p>'] if self.footnote else []
-        made = "\n".join(parts)
-        return f'<div class="prose">{made}</div>' if self.prose else made
+        return "\n".join(parts)
 
 
 @dataclass(frozen=True)
@@ -117,8 +107,7 @@ class Page:
     meaning: str
     parts: Sequence[Section | Figure | str]  # a text is HTML, which only pages have
     kind: str = ""  # colours the title
-    tab: str = ""  # the name of a browser's tab
-    style: str = ""  # a class of the page
+    links: Mapping[str, str] = field(default_factory=dict)  # of cells of tables, by their text
 
     def text(self) -> str:
         sections = [part.text() for part in self.parts if isinstance(part, Section)]
@@ -131,7 +120,7 @@ class Page:
         return (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f"<title>lugrectl: {escape(self.tab or self.title)}</title>\n"
+            f"<title>lugrectl: {escape(self.title)}</title>\n"
             f"<style>{_STYLE}{_ALONE}</style>\n</head>\n<body>\n{self._body()}\n</body>\n</html>\n"
         )
 
@@ -139,6 +128,8 @@ class Page:
         kind = f"verdict {escape(self.kind)}".strip()
         first = f"<h1>{escape(self.title)}</h1>\n<p>{escape(self.meaning)}</p>"
         rest = (part if isinstance(part, str) else part.html() for part in self.parts)
-        parts = [f'<div class="{kind}">\n{first}\n</div>', *rest]
-        style = f"lugrectl {self.style}".strip()
-        return f'<div class="{style}">\n' + "\n".join(parts) + "\n</div>"
+        made = "\n".join([f'<div class="{kind}">\n{first}\n</div>', *rest])
+        for cell, target in self.links.items():
+            linked = f'><a href="{quote(target)}">{escape(cell)}</a></td>'
+            made = made.replace(f">{escape(cell)}</td>", linked, 1)
+        return f'<div class="lugrectl">\n{made}\n</div>'

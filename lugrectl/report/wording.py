@@ -32,14 +32,9 @@ AMBIGUOUS = (
 UNEXPLAINED = "{} is missing{}, and no effect in the catalogue explains it."
 UNKNOWN = "unknown torque"
 COMPENSATED = (
-    "Simulated with the augmented model as the drive. The compensation uses {} and the declared "
-    "model (before) or the augmented model (after)."
+    "The drive is the augmented model. The compensation uses {} observer and the declared model "
+    "(before) or the augmented model (after)."
 )
-DRIVES = (
-    "On drives like the recorded one (SI units): control sampled at {} Hz, encoder steps of {}, "
-    "noise of {}; {}."
-)
-DRAWN = "parameters drawn from their joint covariance, while the compensation believes the estimate"
 UNNAMED = ("left", "noise")
 _SMALL = {"rad", "m", "rad/s", "m/s", "N m", "N"}  # units that take a prefix
 
@@ -151,49 +146,32 @@ def _effect(d: Any, finding: Any) -> Section:
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
     title = _TITLES.get(_get(d, "verdict"), "Best explanation")
     lines = (law,) if law else ()
-    return Section(f"{title}: {finding.name}", lines, grid, footnote, formula=True)
+    return Section(f"{title}: {finding.name}", lines, grid, footnote)
 
 
 def _table(d: Any) -> Section | None:
     table = _get(d, "table")
-    if table is None:
-        return None
-    factor, unit = readable([table.rms], table.unit)
-    lines = (
-        f"{table.name[0].upper()}{table.name[1:]}: {table.values.size} values, "
-        f"{number(table.rms * factor, 3)} {unit} RMS along the record.",
-        f"It explains {100.0 * table.share:.0f} % of the residual torque's power on windows that "
-        f"it was not fitted to (95 % interval {between([100.0 * x for x in table.share95])} %).",
-        "The table is not part of the model file. table.block() turns it into a block for a "
-        "control loop.",
-    )
-    return Section("Residual torque as a table", lines)
+    said = "{}: not part of the model file; table.block() makes a block of it."
+    lines = () if table is None else (said.format(table.name),)
+    return _as_shown("Residual torque as a table", table, lines)
 
 
 def _compensation(d: Any) -> Section | None:
     """Tracking error in simulation without compensation, before and after."""
-    c, keys = _get(d, "compensation"), ("none", "before", "after")
+    c = _get(d, "compensation")
     if c is None:
         return None
-    factor, unit = readable([getattr(c, k) for k in keys], c.unit)
-    rows = [(f"{c.kind} loop", unit, *(number(getattr(c, k) * factor, 3) for k in keys))]
-    lines = [COMPENSATED.format(f"the {c.observer} observer" if c.observer else "no observer")]
-    if c.drive:
-        cells = [[number(x * factor, 3) for x in c.drive.of(k)] for k in keys]
-        many = len(c.drive.errors["none"])
-        rows.append((f"on {many} drives, median", unit, *(x[0] for x in cells)))
-        rows.append(("10 to 90 %", "", *(f"{low}..{high}" for _, low, high in cells)))
-        noise = ", ".join(f"{number(x, 2)} in {k}" for k, x in c.drive.noise.items() if x > 0)
-        rate, counts = number(c.drive.rate, 4), number(c.drive.resolution, 3)
-        drawn = DRAWN if c.drive.drawn else "parameters as estimated"
-        lines.append(DRIVES.format(rate, counts, noise or "none", drawn))
-    grid = Grid(("RMS tracking error", "unit", *keys), "llrrr", tuple(rows))
-    lines += [f"Fed forward as a torque: {', '.join(c.compensated)}."] if c.compensated else []
+    lines = [f"{c.kind} loop. {COMPENSATED.format(f'the {c.observer}' if c.observer else 'no')}"]
     lines += [f"Not compensated: {name}; {why}." for name, why in c.left]
-    lines += [_sentence(m) for m in c.messages]
-    rate = c.certificate.rate if c.certificate is not None else None
-    decay = f"Observer errors decay at a rate of at least {number(rate, 3)} 1/s." if rate else ""
-    return Section("Compensation in simulation", tuple(lines), grid, decay)
+    return _as_shown("Compensation in simulation", c, (*lines, *map(_sentence, c.messages)))
+
+
+def _as_shown(title: str, one: Any, lines: tuple[str, ...]) -> Section | None:
+    """A result of its own in a report, with the rows that it shows itself with."""
+    if one is None:
+        return None
+    rows = [(row.name, row.text()) for row in one._rows() if row.name not in ("message", "more")]
+    return Section(title, lines, Grid(("", ""), "ll", tuple(rows)))
 
 
 def _sentence(text: str) -> str:
@@ -403,12 +381,10 @@ def laws(d: Any) -> Section | None:
 def limits(d: Any) -> Section | None:
     """How small an effect this record would have shown; only where nothing is missing."""
     found = _get(d, "comparison")
-    if found is None or not found.detectable:
-        return None
-    shown = [limit for limit in found.detectable if limit.share > found.least]
+    shown = [limit for limit in getattr(found, "detectable", ()) if limit.share > found.least]
     rows = [(x.name, percent(x.share) if x.share < 1.0 else "not in this record") for x in shown]
-    grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
-    return Section("What this record would show", tuple(filter(None, [limits_in_words(d)])), grid)
+    grid = Grid(("effect", "seen from"), "lr", tuple(rows))
+    return Section("What this record would show", (), grid) if rows else None
 
 
 def limits_in_words(d: Any) -> str:
@@ -418,12 +394,10 @@ def limits_in_words(d: Any) -> str:
     most, said = shares[len(shares) // 2] if shares else 1.0, []
     if most < 1.0:
         said.append(f"Most effects would have shown from {percent(most)} of friction on.")
-    if finest and motion_of(d) == "linear":
-        short = number(2e3 * math.pi / min(finest), 2)
-        said.append(f"Waves over x that are shorter than {short} mm may stay hidden.")
-    elif finest:
-        many = f"{min(finest):.0f} periods per turn"
-        said.append(f"Waves over theta with more than {many} may stay hidden.")
+    if finest:
+        per, rad = ("turn", 1.0) if motion_of(d) == "rotary" else ("m", 2.0 * math.pi)
+        many = f"{min(finest) / rad:.0f} periods per {per}"
+        said.append(f"Waves with more than {many} may stay hidden.")
     return " ".join(said)
 
 

@@ -105,7 +105,7 @@ CALLS = [
     # the observer for a drive
     (lambda: lg.recommend_observer(P), "rate is missing"),
     (lambda: lg.recommend_observer(P, {"rat": 1000}), "did you mean 'rate'?"),
-    (lambda: lg.recommend_observer(P, 1000), "record must be a record"),
+    (lambda: lg.recommend_observer(P, 1000), "record must be a path"),
     (lambda: lg.recommend_observer(P, rate=-1), "rate must be a positive number of Hz"),
     (lambda: lg.recommend_observer(P, rate=1e3, noise=-1), "noise must be 0 or positive"),
     (lambda: lg.recommend_observer(P, rate=1e3, measured="speed"), "measured must be"),

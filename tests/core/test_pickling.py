@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.bench.loop import effects_torque
+from lugrectl.bench.compensate import effects_torque
 from lugrectl.blocks.block import REGISTRY, Block, P, members
 from lugrectl.blocks.declaration import block
 from lugrectl.core.errors import InputError

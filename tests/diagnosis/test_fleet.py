@@ -168,11 +168,11 @@ def test_text_has_counts_first_and_a_line_and_more_for_each_log():
         "6 logs: 1 adequate, 1 found, 1 ambiguous, 1 unexplained, 1 refused, 1 failed"
     )
     assert max(map(len, lines)) <= 80 and "None" not in said and "nan" not in said
-    after = {line.split()[0]: lines[i + 1] for i, line in enumerate(lines) if ".csv  " in line}
-    assert "torque_ripple: amplitude 0.0501 N m" in after["0.csv"]
+    found = {line.split()[1]: line for line in lines if ".csv: " in line}
+    assert "torque_ripple: amplitude 0.0501 N m" in found["0.csv:"]
     assert "or periodic_disturbance" in said and said.count("or periodic_disturbance") == 1
-    assert "depends on theta" in after["2.csv"] and "u is constant." in after["4.csv"]
-    assert "logs/5.csv is empty." in after["5.csv"]
+    assert "depends on theta" in found["2.csv:"] and "u is constant." in found["4.csv:"]
+    assert "logs/5.csv is empty." in found["5.csv:"]
 
 
 def test_the_page_is_whole_safe_and_links_what_was_written():

@@ -10,7 +10,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.paper import page, reproduce, runs, studies
+from lugrectl.paper import reproduce, runs, studies
 from lugrectl.paper.runs import milli
 
 from ..cases.html_page import Page
@@ -25,14 +25,9 @@ def some():
     return reproduce(only=SOME)
 
 
-@pytest.fixture(scope="module")
-def bench():
-    return runs.Bench(P)
-
-
-def level(some, percent):
-    """RMS error of the velocity loop by compensation, observer's Fc and Fs off by percent."""
-    return next(r.rms for r in some.outcome("friction-level").rows if r.x == percent)
+def level(some, label):
+    """RMS error of the velocity loop by compensation, observer's Fc and Fs off."""
+    return next(r.rms for r in some.outcome("friction-level").rows if r.case.label == label)
 
 
 def width(some, loop, label, kind="-3dB"):
@@ -62,43 +57,43 @@ def test_the_stable_controllers_have_the_same_crossing(some, label):
 
 
 def test_exact_compensation_is_the_frictionless_loop(some):
-    free, without, proposed = some.figure("velocity").responses
-    assert proposed.y == pytest.approx(free.y, abs=1e-6)
-    assert max(abs(without.y - free.y)) > 0.05
+    free, without, proposed = some.figure("velocity").responses.values()
+    assert proposed == pytest.approx(free, abs=1e-6)
+    assert max(abs(without - free)) > 0.05
     loop = ct.tf([1.6, 0.16], [P.J, 1.6, 0.16])
     error = abs(loop(2j * np.pi) - 1) * 0.1 / np.sqrt(2)  # of whole periods, at rest
     assert list(some.figure("velocity").errors.values())[2] == pytest.approx(error, rel=2e-3)
 
 
-@pytest.mark.parametrize("percent", [-30, 0, 40])
-def test_the_ranking_depends_on_the_gain(some, percent):
+@pytest.mark.parametrize("off", ["-30 %", "exact", "+40 %"])
+def test_the_ranking_depends_on_the_gain(some, off):
     """Velocity loop, no feed-forward, 0.1 rad/s at 1 Hz; k = 0.35, K1 = -10.24, K2 = 22."""
-    e = level(some, percent)
-    assert percent == 0 or e["proposed"] < e["k 0.35"] < e["natural"] < e["none"]
+    e = level(some, off)
+    assert off == "exact" or e["proposed"] < e["k 0.35"] < e["natural"] < e["none"]
     assert e["k 20"] < e["k 5"] < e["proposed"]
 
 
 def test_held_at_rest_only_the_proposed_observer_corrects(some):
-    rows = {(r.label, r.measure.signal): r.rms for r in some.outcome("standstill").rows}
+    rows = {(r.case.label, r.measure.signal): r.rms for r in some.outcome("standstill").rows}
     moves, misses = rows["held", "w"], rows["held", "F - Fhat"]
     for name in ("natural", "k 0.35", "k 20"):
         assert moves[name] == 0.0 and misses[name] == pytest.approx(P.sigma0 * 1e-3)
     assert misses["proposed"] < 1e-6 and moves["proposed"] > 0.05
 
 
-def test_the_position_pi_grows_as_its_poles_say(bench):
-    found = runs.growth(bench)
+def test_the_position_pi_grows_as_its_poles_say():
+    found = runs.growth(P)
     assert found.predicted == pytest.approx(1 / max(np.roots([P.J, 0, 15.0, 1.55]).real))
     assert found.simulated == pytest.approx(found.predicted, rel=1e-3)
 
 
-def test_a_loop_that_runs_away_is_said_so(monkeypatch, bench):
+def test_a_loop_that_runs_away_is_said_so(monkeypatch):
     def fail(*_, **__):
         raise lg.Diverged("w grows")
 
     monkeypatch.setattr(lg, "simulate", fail)
-    outcome = runs.run(bench, studies.INITIAL, lambda what: None)
-    assert milli(outcome.rows[0].rms["none"]) == "diverges" and outcome.traces == ()
+    outcome = runs.run(P, studies.mismatch("stiffness", "sigma0"), lambda what: None)
+    assert milli(outcome.rows[0].rms["none"]) == "diverges"
 
 
 # --- text, page, files -------------------------------------------------------------------
@@ -122,7 +117,7 @@ def test_files_are_written_both_or_none(some, tmp_path):
         some.save(tmp_path / "taken")
     shown = Page(html.read_text())
     assert not {"script", "link"} & {*shown.tags} and "http" not in html.read_text()
-    assert shown.tags.count("figure") == len(some.figures) + len(some.outcomes)
+    assert shown.tags.count("figure") == len(some.figures)
     ids = [value for key, value in shown.attributes if key == "id"]
     assert len(ids) == len(set(ids)) and "unstable" in "".join(shown.said)
 
@@ -135,7 +130,7 @@ def test_unknown_studies_are_named():
 @pytest.mark.parametrize("out", [False, True])
 def test_the_command(some, capsys, monkeypatch, tmp_path, out):
     monkeypatch.setattr("lugrectl.paper.reproduce", lambda progress: some)
-    monkeypatch.setattr(page.Page, "html", lambda page: "<html>")
+    monkeypatch.setattr(runs.Page, "html", lambda page: "<html>")
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce", *(["--out", "made"] if out else [])]) == 0
     shown = capsys.readouterr().out

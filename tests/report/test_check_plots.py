@@ -34,7 +34,8 @@ def closed():
 
 def words(ax):
     legend = ax.get_legend()
-    return " ".join([ax.get_title("left"), *(t.get_text() for t in legend.get_texts() if legend)])
+    texts = legend.get_texts() if legend else ()
+    return " ".join([ax.get_title("left"), *(t.get_text() for t in texts)])
 
 
 @pytest.mark.parametrize("T", SYSTEMS.values(), ids=SYSTEMS)
@@ -47,13 +48,13 @@ def test_every_verdict_draws_a_figure_of_pyplot(check, T):
 
 def test_realness_shows_band_edge_and_margin():
     found = lg.spr_check(FALLS)
-    real, nyquist = found.plot()
+    (real,) = found.plot()
     assert f"band edge {found.band_edge:.4g} rad/s" in words(real) and "not PR" in words(real)
     assert "margin" not in real.get_title("left")
     w, values = real.lines[0].get_data()
     assert (values[w < 0.99 * found.band_edge] > 0).all()
     assert (values[w > 1.01 * found.band_edge] < 0).all()
-    assert nyquist.get_xlabel() == "Re T(jw)"
+    assert real.get_ylabel() == "Re T(jw)"
     good = lg.spr_check(ct.tf([1, 2], [1, 4, 5]))
     assert good and f"margin {good.margin:.4g}" in good.plot()[0].get_title("left")
 
@@ -67,18 +68,17 @@ def test_the_gain_shows_its_largest_value():
 
 def test_the_bandwidth_stands_in_the_bode_plot():
     found = lg.bandwidth_check(LAG)
-    ax, phase = found.plot()
+    (ax,) = found.plot()
     assert f"bandwidth {found.bandwidth:.4g} rad/s" in words(ax)
     x, y = ax.lines[-1].get_data()
     assert (x[0], y[0]) == pytest.approx((found.bandwidth, 20 * np.log10(2) - 3), abs=0.01)
-    assert phase.get_ylabel() == "phase [deg]"
 
 
 def test_a_verdict_is_drawn_into_given_axes():
     _, ax = plt.subplots()
     assert lg.bandwidth_check(LAG).plot(ax=ax)[0] is ax and len(ax.lines) > 1
     _, two = plt.subplots(1, 2)
-    assert len(lg.spr_check(LAG).plot(two)) == 2
+    assert len(lg.stability_check(LAG).plot(two)) == 2
     with pytest.raises(lg.InputError, match="ax must be an Axes"):
         lg.spr_check(LAG).plot(3)
 
@@ -88,7 +88,7 @@ def test_a_verdict_is_the_same_after_a_pickle_and_can_be_drawn(T):
     found = lg.spr_check(T)
     again = pickle.loads(pickle.dumps(found))
     assert again.summary().keys() == found.summary().keys() and "_source" not in found.summary()
-    assert len(again.plot()) == 2
+    assert len(again.plot()) == 1
 
 
 SAMPLED = ct.sample_system(FALLS, 0.1, "tustin")  # with a zero at half the sampling rate
@@ -118,13 +118,6 @@ def test_several_channels_are_drawn_by_their_largest_singular_value():
     w, size = ax.lines[0].get_data()
     assert size == pytest.approx(-20 * np.log10(np.hypot(1, w)), rel=1e-9, abs=1e-12)
     assert ax.get_ylabel() == "largest singular value of T(jw) [dB]"
-
-
-def test_a_sharp_resonance_is_a_round_curve():
-    _, nyquist = lg.spr_check(ct.tf([1, 0], [1, 1e-3, 1])).plot()
-    re, im = nyquist.lines[0].get_data()
-    steps = np.abs(np.diff(re + 1j * im))
-    assert steps.max() < 0.06 * np.max(re)  # a circle of diameter max(re)
 
 
 def test_the_open_loop_shows_its_crossovers_and_the_exact_phase():
