@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,26 +12,12 @@ from ..blocks.friction import bristle
 from ..blocks.model import as_model
 from ..core.errors import InputError
 from ..core.validation import array, positive
-from ..engine.codegen.python_source import Emitter, indent
-from ..engine.expression.graph import Graph, Node, derivatives, rename, substitute
-from ..engine.runtime.backend import load
 
 if TYPE_CHECKING:
     from ..blocks.model import Model, Parameters
 
 _dtbtrs: Any = lapack.dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
 KEYS = ("sigma0", "Fc", "Fs", "vs")
-BLOCK = 8192  # samples whose coefficients stay in the processor's cache
-
-# dz/dt = b - a z at held w; in one step z covers the share 1 - e^(-a dt) of the distance to b/a,
-# and changes by b dt if a is 0.
-_COEFFICIENTS = """
-def coefficients(w, p, dt):
-    {names}, = p
-{body}
-    a = {a}
-    return np.expm1(-dt * a), a, {b}
-"""
 
 
 def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0.0) -> np.ndarray:
@@ -91,14 +75,13 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     if start.shape not in ((), (len(speed),)) or not np.all(np.isfinite(start)):
         raise InputError(f"z0 must be a finite number or {len(speed)} of them.")
     values = _values(p)
-    coefficients = _coefficients(len(values) > len(KEYS))
     z = np.empty((len(speed), speed.shape[1] + 1))
     z[:, 0] = start
-    for row, out in zip(speed, z, strict=True):
-        for begin in range(0, len(row), BLOCK):
-            with np.errstate(all="ignore"):
-                less, a, b = coefficients(row[begin : begin + BLOCK], values, dt)
-            _advance(less, a, b, dt, out[begin : begin + BLOCK + 1])
+    with np.errstate(all="ignore"):  # dz/dt = b - a z at held w
+        b = bristle(speed, 0.0, *values)
+        a = b - bristle(speed, 1.0, *values)
+    for row in range(len(speed)):
+        _advance(a[row], b[row], dt, z[row])
     return z[:, :-1].reshape(np.shape(w))
 
 
@@ -119,32 +102,12 @@ def _values(p: Parameters | Model) -> tuple[float, ...]:
     return tuple(values.values())
 
 
-def _advance(less: np.ndarray, a: np.ndarray, b: np.ndarray, dt: float, z: np.ndarray) -> None:
-    """The recursion as a unit lower bidiagonal system of equations."""
-    n, moving = len(less), a > 0.0
+def _advance(a: np.ndarray, b: np.ndarray, dt: float, z: np.ndarray) -> None:
+    """In one step z covers the share 1 - e^(-a dt) of the distance to b/a, and changes by b dt if a
+    is 0: a unit lower bidiagonal system of equations."""
+    n, moving, less = len(a), a > 0.0, np.expm1(-dt * a)
     gain = np.where(moving, -less / np.where(moving, a, 1.0), dt)
     band = np.empty((2, n + 1), order="F")
     band[1, :n] = -1.0 - less
-    right = np.empty(n + 1)
-    right[0], right[1:] = z[0], gain * b
-    solved, _ = _dtbtrs(band, right, uplo="L", diag="U", overwrite_b=True)
-    z[:] = solved
-
-
-@cache
-def _coefficients(free: bool) -> Callable[..., tuple[np.ndarray, ...]]:
-    """e^(-a dt) - 1, a and b from the friction law's own function, which is affine in z."""
-    graph, keys = Graph(), (*KEYS, "delta") if free else KEYS
-    w, z, *p = (graph.symbol(name) for name in ("w", "z", *keys))
-    rate: Any = bristle(w, z, *p)
-    slope = derivatives([rate], z)[0]
-    still = rename([rate], {z.index: graph.constant(0.0)})[0]
-
-    def no_underflow(node: Node, args: tuple[Node, ...]) -> Node | None:
-        """Limit e^x to 1e-304: smaller values are several times slower and contribute nothing."""
-        return np.exp(np.maximum(args[0], -700.0)) if node.op == "exp" else None  # pyright: ignore
-
-    emitter = Emitter("array")
-    a, b = emitter.write(substitute([-slope, still], no_underflow))
-    text = _COEFFICIENTS.format(names=", ".join(keys), body=indent(emitter.body, 1), a=a, b=b)
-    return load(text, "numpy").coefficients
+    z[1:] = gain * b
+    z[:], _ = _dtbtrs(band, z, uplo="L", diag="U")

@@ -23,7 +23,6 @@ from . import arguments
 MOST = 1e5  # substeps in a sample
 MOST_STEPS = 24  # of the same length, traced
 REACH = 1.2  # of a rate times the length of such a step; the method is stable up to 2.7
-SMALL = 1e-6  # relative change of a state for a slope
 NODES = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))  # of Gauss, in a part of a step
 SERIES = [1.0 / math.factorial(k + 3) for k in range(12, -1, -1)]  # phi3, highest power first
 
@@ -84,9 +83,8 @@ def sampled(
     the natural observer stay within Fs/sigma0 at every speed and dt.
 
     That the rates are affine is decided by the block's equations, for all values of its inputs
-    and parameters; a function that cannot be traced is tried at states from 1e-6 to 1e6 and at
-    other parameters. Rates that are affine in a range only (a limit, c x^3 with c = 0) count as
-    not affine. Substeps follow the inputs between the samples; they are called at each sample,
+    and parameters; a function that cannot be traced counts as not affine, and so do rates that are
+    affine in a range only (a limit, c x^3 with c = 0). Substeps follow the inputs between the samples; they are called at each sample,
     not traced, which takes some 0.2 ms.
 
     The block calls the functions of ``system`` at each sample, so it follows what they read; the
@@ -134,7 +132,7 @@ def sampled(
     if not system.nstates:
         raise InputError(f"{system.name} has no states: use it as it is, with sampled blocks.")
     labels = list(system.input_labels)
-    keep = usually_held(system) if held is None else names(held, "held")
+    keep = _usually_held(system) if held is None else names(held, "held")
     strange = [s for s in keep if s not in labels]
     if strange:
         raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
@@ -143,12 +141,10 @@ def sampled(
         raise InputError(f"substep = {longest:g} s is less than dt/{MOST:g}.")
     step = _Step(system, float(dt), tuple(s in keep for s in labels), float(longest))
     step.substeps.affine(system.params)  # what cannot be evaluated is refused here
-    return in_steps(step, name)
+    return _in_steps(step, name)
 
 
-def in_steps(step: Any, name: str | None = None) -> ct.NonlinearIOSystem:
-    """The discrete block of a step of a continuous ``system`` over ``dt`` s, which has
-    ``state(t, s, v, params)``, the system's states at the sample that is being taken."""
+def _in_steps(step: _Step, name: str | None = None) -> ct.NonlinearIOSystem:
     system = step.system
     return BlockSystem(
         _Moved(step),
@@ -162,13 +158,13 @@ def in_steps(step: Any, name: str | None = None) -> ct.NonlinearIOSystem:
     )
 
 
-def usually_held(system: Any) -> list[str]:
+def _usually_held(system: Any) -> list[str]:
     """The inputs that a drive holds, by the names with which the block declares them."""
-    pairs = zip(own_inputs(system), system.input_labels, strict=False)
+    pairs = zip(_own_inputs(system), system.input_labels, strict=False)
     return [label for name, label in pairs if name in ("u", "excess")]
 
 
-def own_inputs(system: Any) -> list[str]:
+def _own_inputs(system: Any) -> list[str]:
     """The names with which the block declares its inputs."""
     declared = getattr(system.outfcn, "block", None)
     return list(system.input_labels if declared is None else declared.inputs)
@@ -176,12 +172,14 @@ def own_inputs(system: Any) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """One step of :func:`sampled`; ``held`` says so of each input."""
+    """One step of a continuous system over ``dt`` s; ``held`` says so of each input. With ``steps``
+    it is so many of Runge-Kutta, which are traced, in place of those that control their error."""
 
     system: Any
     dt: float
     held: tuple[bool, ...]
     longest: float
+    steps: int = 0
 
     @property
     def substeps(self) -> Substeps:
@@ -192,7 +190,7 @@ class _Step:
 
     def state(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
         """The states of the system at the sample that is being taken."""
-        n, own = int(self.system.nstates), own_inputs(self.system)
+        n, own = int(self.system.nstates), _own_inputs(self.system)
         s, v = np.asanyarray(s), np.asanyarray(v)
         turns = 1 + own.index("w") if "w" in own else None  # friction turns over where it is 0
 
@@ -201,25 +199,27 @@ class _Step:
 
         before = signals([t - self.dt, *s[n:-1]])
         now = signals([t, *np.where(np.array(self.held, dtype=bool), s[n:-1], v)])
-        if object in (before.dtype, now.dtype):  # the engine follows the equations
+        traced = object in (before.dtype, now.dtype)  # the engine follows the equations
+        if traced or s[-1] < 0.5:
             self.substeps.again()
-            if not self.substeps.affine(params):
-                raise TraceError("runs in substeps: it is called at each sample")
-            moved = advance(rates, s[:n], before, now, self.dt, turns)
-            return np.where(s[-1] < 0.5, s[:n], moved)
-        if s[-1] < 0.5:
-            self.substeps.again()
+        if not traced and s[-1] < 0.5:
             return s[:n]
-        if not self.substeps.affine(params):
-            return self.substeps.step(s[:n], before, now, params)
-        return advance(rates, s[:n], before, now, self.dt, turns)
+        if self.steps:
+            moved = _runge_kutta(rates, signals(s[:n]), before, now, self.dt, self.steps)
+        elif self.substeps.affine(params):
+            moved = advance(rates, s[:n], before, now, self.dt, turns)
+        elif traced:
+            raise TraceError("runs in substeps: it is called at each sample")
+        else:
+            moved = self.substeps.step(s[:n], before, now, params)
+        return np.where(s[-1] < 0.5, s[:n], moved) if traced else moved
 
 
 _SUBSTEPS: WeakKeyDictionary[_Step, Substeps] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
-class OfStep:
+class _OfStep:
     """A function of a step."""
 
     step: Any
@@ -229,23 +229,22 @@ class OfStep:
         return (self.step.system,)
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
-        """As :meth:`lugrectl.blocks.block.Called.renamed`, with the continuous block inside."""
         inside = self.step.system
-        if not isinstance(inside, BlockSystem) or not isinstance(update, OfStep):
+        if not isinstance(inside, BlockSystem) or not isinstance(update, _OfStep):
             return update, self, {}
         step = replace(self.step, system=inside.copy(name=name))
         keys = dict(zip(inside.params, step.system.params, strict=True))
         return type(update)(step), type(self)(step), keys
 
 
-class _Moved(OfStep):
+class _Moved(_OfStep):
     """The update function of a sampled block."""
 
     def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
         return np.concatenate([self.step.state(t, s, v, params), v, [1.0]])
 
 
-class _Answer(OfStep):
+class _Answer(_OfStep):
     """The output function of a sampled block."""
 
     def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
@@ -421,57 +420,26 @@ def at_samples(block: Any, dt: float, points: Sequence[Mapping[str, float]]) -> 
     """
     if not block.nstates or block.isdtime(strict=True):
         return block
-    if Substeps(block, dt).affine(block.params):
-        return sampled(block, dt)
-    steps = math.ceil(min(dt * _fastest_rate(block, points) / REACH, 1e6))
-    if steps > MOST_STEPS:
-        return sampled(block, dt)
-    held = usually_held(block)
-    step = _RungeKutta(block, dt, max(steps, 2), tuple(s in held for s in block.input_labels))
-    return in_steps(step)
+    held, steps = _usually_held(block), 0
+    step = _Step(block, dt, tuple(s in held for s in block.input_labels), dt / 4)
+    if not step.substeps.affine(block.params):
+        rates = [0.0]  # the fastest of the states at the points, 1/s
+        for point in points:
+            v, x = ([point.get(k, 0.0) for k in names]
+                    for names in (block.input_labels, block.state_labels))  # fmt: skip
+            A = np.asarray(ct.linearize(block, x, v).A)
+            rates.append(float(np.abs(np.linalg.eigvals(A)).max()))
+        steps = max(math.ceil(min(dt * max(rates) / REACH, 1e6)), 2)
+    return _in_steps(replace(step, steps=steps if steps <= MOST_STEPS else 0))
 
 
-def _fastest_rate(block: Any, points: Sequence[Mapping[str, float]]) -> float:
-    """The fastest rate of the states in 1/s, at any of the points."""
-    found = 0.0
-    for point in points:
-        v, x = (np.array([point.get(k, 0.0) for k in names])
-                for names in (block.input_labels, block.state_labels))  # fmt: skip
-        steps = SMALL * np.maximum(np.abs(x), 1e-3)
-        columns = [
-            (block.updfcn(0.0, x + d, v, block.params) - block.updfcn(0.0, x - d, v, block.params))
-            / (2.0 * step)
-            for d, step in zip(np.diag(steps), steps, strict=True)
-        ]
-        found = max(found, float(np.abs(np.linalg.eigvals(np.array(columns).T)).max()))
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class _RungeKutta:
-    """One sample in ``steps`` steps of the classical Runge-Kutta method of order 4."""
-
-    system: Any
-    dt: float
-    steps: int
-    held: tuple[bool, ...]
-
-    def state(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
-        """The states at the sample that is being taken."""
-        n = int(self.system.nstates)
-        start, last = signals(s[:n]), list(s[n:-1])
-        now = [a if held else b for held, a, b in zip(self.held, last, v, strict=True)]
-
-        def rates(x: Any, share: float) -> Any:
-            given = [a + share * (b - a) for a, b in zip(last, now, strict=True)]
-            return signals(self.system.updfcn(t, x, signals(given), params))
-
-        x, h = start, self.dt / self.steps
-        for k in range(self.steps):
-            first, middle, end = (np.array([k, k + 0.5, k + 1]) / self.steps).tolist()
-            k1 = rates(x, first)
-            k2 = rates(x + 0.5 * h * k1, middle)
-            k3 = rates(x + 0.5 * h * k2, middle)
-            k4 = rates(x + h * k3, end)
-            x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-        return signals(np.where(signals(s[-1:])[0] < 0.5, start, x))
+def _runge_kutta(rates: Any, x: Any, before: Any, now: Any, dt: float, steps: int) -> np.ndarray:
+    """The classical method of order 4 in steps of one length."""
+    h, change = dt / steps, now - before
+    for k in range(steps):
+        first, middle, end = (before + (k + part) / steps * change for part in (0.0, 0.5, 1.0))
+        k1 = rates(x, first)
+        k2 = rates(x + 0.5 * h * k1, middle)
+        k3 = rates(x + 0.5 * h * k2, middle)
+        x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + rates(x + h * k3, end))
+    return x
