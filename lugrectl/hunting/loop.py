@@ -32,7 +32,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import RK45
-from scipy.linalg import expm
 
 from ..blocks.friction import free_level, level
 from ..blocks.model import Model
@@ -43,7 +42,8 @@ REST = 1e-12  # rad/s, where a curve is read for a speed of 0: its limit, not th
 SHARP = 1e-15  # rad/s, the width of a smooth sign: far below REST
 PROBED = np.geomspace(1e-6, 1e3, 200)  # speeds in rad/s at which a curve is compared with a line
 STRAIGHT = 1e-9  # of Fs, by which a straight curve may differ from its line
-STEP, PER_OCTAVE, ENOUGH = 0.05, 100, 1e-3  # of an L1 norm: units of time, steps, relative tail
+EARLY, LATE, TIMES = 1e-3, 15.0, 20_000  # of an L1 norm: in 1/wn, in the slowest decay, how many
+SLOW = 1e-12  # of wn: a rate of 0, of an integral that is not used
 
 
 @dataclass(frozen=True)
@@ -172,22 +172,14 @@ class Loop:
         inf where fast motion grows."""
         if not self.is_stable():
             return np.inf, np.inf
-        # |F - Fv w| is bounded: that bound times the L1 norm from torque to each of the linear
-        # loop, a sum over steps that double as motion gets slower
-        own = self.matrix.copy()
+        # |F - Fv w| is bounded: that bound times the L1 norm from torque to each
+        own, torque = self.matrix.copy(), np.array([0.0, 1.0 / self.J, 0.0])
         own[1, 1] -= self.curve.viscous / self.J
-        step = STEP / self.wn
-        M: Any = expm(step * own)
-        x: Any = np.array([0.0, 1.0 / self.J, 0.0])
-        total: Any = np.zeros(2)
-        last: Any = total + np.inf
-        while np.any(last > ENOUGH * total):
-            last = np.zeros(2)
-            for _ in range(PER_OCTAVE):
-                x = M @ x
-                last += step * np.abs(x[:2])
-            total, M, step = total + last, M @ M, 2.0 * step
-        error, speed = total * self.curve.most / self.unit
+        rates, V = np.linalg.eig(own)
+        slowest = np.abs(rates.real)[np.abs(rates) > SLOW * self.wn].min()
+        t = np.r_[0.0, np.geomspace(EARLY / self.wn, LATE / slowest, TIMES)]
+        made = (V[:2] * np.linalg.solve(V, torque + 0j)) @ np.exp(np.outer(rates, t))
+        error, speed = np.trapezoid(np.abs(made.real), t) * self.curve.most / self.unit
         return float(speed / self.wn), float(error)
 
 
@@ -310,6 +302,7 @@ LOOK = 40  # steps, after which it is looked for creeping
 NEARLY = 0.02  # relative difference of a creeping speed from rho x
 SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
 FIRST = 1e-3  # the first step
+NEWTON, STOPPED = 20, 1e-15  # steps to the end of a slip, and a speed of 0
 A = np.vstack([np.pad(RK45.A[1:], ((0, 0), (0, 1))), RK45.B])  # stages, the last the new state
 LOW, HIGH = 1e-3, 30.0  # units: errors at which T is looked at, and beyond while friction can
 ROUNDS, NEAR = 300, 10.0  # of T, interpolated; |D| of a half turn that neither rests nor grows
@@ -401,21 +394,13 @@ def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 
 def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The end a = 0 within the last step, by the method of Illinois on its length."""
-    slope, low, high = _rates(lanes, state), np.zeros_like(h), h.copy()
-    at_low, new = state[1].copy(), _stepped(lanes, state, h, slope)[0]
-    at_high = new[1].copy()
-    for k in range(60):
-        gap = at_low - at_high
-        part = np.where((gap > 0.0) & (k % 4 < 3), at_low / np.where(gap > 0.0, gap, 1.0), 0.5)
-        tried = low + (high - low) * np.where((part > 0.0) & (part < 1.0), part, 0.5)
-        new = _stepped(lanes, state, tried, slope)[0]
-        ahead = new[1] > 0.0
-        at_high = np.where(ahead, 0.5 * at_high, new[1])
-        at_low = np.where(ahead, new[1], 0.5 * at_low)
-        low, high = np.where(ahead, tried, low), np.where(ahead, high, tried)
-        if np.all((high - low <= 1e-13 * h) | (np.abs(new[1]) <= 1e-15)):
+    """The end a = 0 within the last step, by Newton's method."""
+    slope, tried, new = _rates(lanes, state), h, state
+    for _ in range(NEWTON):
+        new, slopes = _stepped(lanes, state, tried, slope)
+        if np.all(np.abs(new[1]) <= STOPPED):
             break
+        tried = np.clip(tried - new[1] / np.minimum(slopes[-1][1], -STOPPED), 0.0, h)
     return new, tried
 
 

@@ -84,8 +84,8 @@ def sampled(
 
     That the rates are affine is decided by the block's equations, for all values of its inputs
     and parameters; a function that cannot be traced counts as not affine, and so do rates that are
-    affine in a range only (a limit, c x^3 with c = 0). Substeps follow the inputs between the samples; they are called at each sample,
-    not traced, which takes some 0.2 ms.
+    affine in a range only (a limit, c x^3 with c = 0). Substeps follow the inputs between the
+    samples; they are called at each sample, not traced, which takes some 0.2 ms.
 
     The block calls the functions of ``system`` at each sample, so it follows what they read; the
     default parameters are a copy, and whether the rates are affine is decided when a run begins.
