@@ -35,8 +35,7 @@ _HOMES = {
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
     "diagnosis.balance": "balance",
     "diagnosis.diagnose": "diagnose identify",
-    "simulation.sweep": "sweep sweep_chunks",
-    "simulation.sweep_result": "Sweep",
+    "simulation.sweep": "Sweep sweep sweep_chunks",
     "core.errors": "Diverged InputError Refused",
     "diagnosis.fleet": "Fleet diagnose_each",
     "diagnosis.compare_laws": "LawComparison compare_laws",
@@ -172,5 +171,4 @@ if TYPE_CHECKING:
     from .simulation.response import simulate
     from .simulation.sampled_block import sampled
     from .simulation.sampled_response import simulate_sampled
-    from .simulation.sweep import sweep, sweep_chunks
-    from .simulation.sweep_result import Sweep
+    from .simulation.sweep import Sweep, sweep, sweep_chunks

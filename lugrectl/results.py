@@ -30,7 +30,7 @@ from .linear.passivity import PassivityVerdict
 from .linear.spr import Repair, SprVerdict
 from .linear.stability import StabilityVerdict
 from .paper.runs import Reproduction
-from .simulation.sweep_result import Sweep
+from .simulation.sweep import Sweep
 
 __all__ = [
     "Assurance", "Balance", "BandwidthVerdict", "Candidate", "Certificate", "Compared",

@@ -20,7 +20,7 @@ TOPICS = {  # topic: the modules whose public names it holds
     "checks": "linear design hunting paper",
     "diagnosis": "diagnosis bench commissioning",
     "records": "record blocks.model estimates",
-    "ensembles": "simulation.sweep simulation.sweep_result",
+    "ensembles": "simulation.sweep",
 }
 NAMED = {  # names whose topic is not that of their module
     "observers": "observers",

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..blocks.drive import dead_times
 from ..core.errors import Diverged, InputError
-from ..core.validation import positive
+from ..core.validation import nearest, positive
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.adaptive_run import Accuracy, Course, Track
 from ..engine.runtime.delays import run_late
@@ -25,7 +25,6 @@ from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net, Part
 from ..engine.tracing.tracer import traced_net
 from . import arguments
-from .wiring_warnings import warn_of_wiring
 
 MOST = 1e8  # updates in a run: an array of them is 0.8 GB
 NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
@@ -131,10 +130,6 @@ def simulate(
     Pade approximation of order 2, and a warning reports it; so is a delay below 1/50 000 of the
     run.
 
-    A controller that acts on e makes it smaller: e is measured - reference. A warning names a
-    controller of the package in a feedback of the wrong sign, from the blocks' derivatives at
-    rest.
-
     Examples
     --------
     A velocity loop that follows a sine of 0.1 rad/s and 1 Hz:
@@ -159,7 +154,7 @@ def simulate(
         raise InputError("the initial states are given twice: give x0 or initial_state.")
     net, periods = net_of(system)
     arguments.parameters([part.block for part in net.parts], params)
-    warn_of_wiring(net, inputs, params)
+    warn_unfed(net, inputs)
     u = arguments.inputs(net.name, net.outside, times, inputs)
     states = net.count(False) + net.count(True)
     start = arguments.start(net.name, states, initial_state if x0 is None else x0)
@@ -212,6 +207,39 @@ def outside(parts: Sequence[Part]) -> tuple[str, ...]:
     """Signals that a block reads and no block outputs, in the order in which they are read."""
     made = {k for part in parts for k in part.outputs}
     return tuple(dict.fromkeys(k for part in parts for k in part.inputs if k not in made))
+
+
+def warn_unfed(net: Net, given: Any) -> None:
+    """Warn of inputs of a list of blocks that are left out of a dict, where an output is left over
+    or nearly has the name; a load d is usually meant to be 0."""
+    if net.alone or not isinstance(given, Mapping):
+        return
+    read = {k for part in net.parts for k in part.inputs}
+    for label in (k for k in net.outside if k not in given and k != "d"):
+        idle = [
+            f"{', '.join(part.outputs)} of {part.block.name}"
+            for part in net.parts
+            if part.outputs and not read & {*part.outputs} and label not in part.inputs
+            and not (_is_observer(part.block) and label[:1] != "F")  # often only watched
+        ]  # fmt: skip
+        near = nearest(label, [k for k in net.signals if k not in read])
+        if near is None and not idle:
+            continue
+        hint = f"Nothing reads {'; '.join(idle)}: is it meant?"
+        hint = hint if near is None else f"Did you mean {near} of {net.makers(near)}?"
+        readers = ", ".join(part.block.name for part in net.parts if label in part.inputs)
+        warnings.warn(
+            f"{net.name}: nothing feeds the input {label} of {readers}; it is 0. {hint} Give "
+            f"inputs={{'{label}': 0}} if 0 is meant.",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+
+
+def _is_observer(block: Any) -> bool:
+    """Whether it is one of this package, continuous or sampled."""
+    inside = getattr(getattr(block.outfcn, "step", None), "system", block)
+    return getattr(getattr(inside.outfcn, "block", None), "kind", "") == "observer"
 
 
 def course_of(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:

@@ -16,8 +16,7 @@ from ..core.validation import array, whole
 from ..engine.runtime.adaptive_run import Accuracy, Course
 from ..engine.tracing.network import Net, Part
 from . import arguments
-from .response import Run, followed, outside
-from .wiring_warnings import warn_of_wiring
+from .response import Run, followed, outside, warn_unfed
 
 LATE = " after the delay"
 
@@ -98,7 +97,7 @@ def simulate_sampled(
     arguments.parameters([part.block for part in parts], params)
     net = Net(plant.name, parts, outside((*parts[1:], parts[0])), 1, earlier=True)
     times = _grid(t, parts)
-    warn_of_wiring(net, {} if inputs is None else inputs, None)
+    warn_unfed(net, {} if inputs is None else inputs)
     u = _inputs(net, times, inputs)
     names = [f"drive_{block.name}_" if listed else "drive_" for block in blocks]
     pairs = zip(names, parts[1:], strict=False)
