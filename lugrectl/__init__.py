@@ -43,13 +43,12 @@ _HOMES = {
     "passivity_check position_L position_T position_loop_tf spr_check spr_repair stability_check "
     "velocity_L velocity_T velocity_loop_tf",
     "loops.friction_loops": "cascade_loop late_loop position_loop velocity_loop",
-    "simulation.sampled_response": "simulate_sampled",
     "blocks.model": "Model Parameters read_model table1 write_model",
     "record": "Record read_record",
     "diagnosis.result": "Diagnosis",
     "estimates.findings": "Table",
     "simulation.sampled_block": "sampled",
-    "simulation.response": "simulate",
+    "simulation.response": "simulate simulate_sampled",
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -168,7 +167,6 @@ if TYPE_CHECKING:
     from .paper.equations import PAPER
     from .record import Record, read_record
     from .simulation.bristle_deflection import deflection
-    from .simulation.response import simulate
+    from .simulation.response import simulate, simulate_sampled
     from .simulation.sampled_block import sampled
-    from .simulation.sampled_response import simulate_sampled
     from .simulation.sweep import Sweep, sweep, sweep_chunks

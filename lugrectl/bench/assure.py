@@ -32,7 +32,7 @@ from ..estimates.fitted import Fitted
 from ..estimates.members import Belief, Members, refuse_unknown
 from ..hunting import limit_cycles
 from ..record import Record
-from ..simulation.encoder import Sensing
+from ..simulation.sampled_block import Sensing
 from .loop import (
     FASTEST,
     PERIODS,

@@ -28,9 +28,8 @@ from ..estimates.findings import Table
 from ..loops.parts import MEASURED, OUTPUTS, Control, all_at, connected, read_of
 from ..record import Record
 from ..record.signal_noise import sensor_noise, smallest_step
-from ..simulation.encoder import Sensing, encoder
-from ..simulation.sampled_block import at_samples
-from ..simulation.sampled_response import COARSE, simulate_sampled
+from ..simulation.response import COARSE, simulate_sampled
+from ..simulation.sampled_block import Sensing, at_samples, encoder
 
 SAMPLES = 4000
 LONGEST = 30.0  # s of simulated time

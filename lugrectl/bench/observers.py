@@ -33,8 +33,8 @@ from ..design.gains import RULES, SAMPLED
 from ..estimates.fitted import Fitted
 from ..loops.parts import OUTPUTS, crossing
 from ..record.as_record import as_record, is_record
-from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
+from ..simulation.sampled_block import Sensing, rounded
 from .loop import (
     LUGRE,
     SETTLED,

@@ -21,9 +21,24 @@ from ..core.unit_names import unit_for
 from ..core.views import view
 from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
-from .friction import Friction, fit_friction, load_motion, problem_of
-from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
-from .runs import NARROW, Response, Run, Shape, Window, local_response, runs_of, windows
+from .fits import (
+    FEWEST,
+    NARROW,
+    Friction,
+    Mechanics,
+    Mode,
+    Response,
+    Run,
+    Shape,
+    Window,
+    fit_friction,
+    fit_mechanics,
+    load_motion,
+    local_response,
+    problem_of,
+    runs_of,
+    windows,
+)
 
 LARGE = 2.0  # dB by which friction changes a response that it governs: no band holds there
 CERTAIN = 0.95  # coherence below which nothing is certain

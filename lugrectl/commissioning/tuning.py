@@ -39,9 +39,8 @@ from ..hunting.loop import cascade_as_pid, edge
 from ..linear import bandwidth_check, linearize, stability_check
 from ..linear.stability import StabilityVerdict
 from ..linear.transfer import response
-from .mechanics import Mechanics
+from .fits import Mechanics, hold, point
 from .of_record import LINEAR, UNIT, FrequencyResponse
-from .runs import hold, point
 
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points

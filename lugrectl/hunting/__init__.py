@@ -1,7 +1,7 @@
 """Friction limit cycles of position loops, by the map from stick to stick."""
 
 from .hunt import Cycle, LimitCycles, limit_cycles
-from .map import HuntingMap, hunting_map
+from .loop import HuntingMap, hunting_map
 from .stick_slip import StickSlip, stick_slip_speed
 
 __all__ = [

@@ -27,9 +27,8 @@ from ..core.result import Result, picked
 from ..core.unit_names import unit_for
 from ..core.validation import number, positive, whole
 from ..core.views import view
-from ..simulation.encoder import Sensing, encoder, rounded
 from ..simulation.response import simulate
-from ..simulation.sampled_block import sampled
+from ..simulation.sampled_block import Sensing, encoder, rounded, sampled
 from .loop import (
     HIGH,
     LOW,

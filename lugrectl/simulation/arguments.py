@@ -99,25 +99,29 @@ def times(t: ArrayLike | None, timepts: ArrayLike | None = None) -> np.ndarray:
 
 
 def inputs(name: str, labels: Sequence[str], t: np.ndarray, given: Any) -> np.ndarray:
-    """The inputs as (m, N), by name or in every form that python-control takes."""
+    """The inputs as (m, N), by name or in every form that python-control takes: a number, (N,),
+    (m, N), or a list of these."""
     if isinstance(given, Mapping):
         return by_name(name, labels, t, given)
-    rows: Any = 0.0 if given is None else given
-    if isinstance(rows, (list, tuple)) and len(rows) != len(t):
-        rows = _stacked(rows, len(t)) if rows else 0.0
-    u = array(rows, "inputs")
-    count = len(labels)
-    if u.ndim == 0:
-        u = np.full((count, len(t)), float(u))
-    if u.ndim == 1 and count == 1:
-        u = u[None]
-    if u.shape != (count, len(t)):
-        raise InputError(
-            f"{name} needs inputs ({', '.join(labels)}) of shape ({count}, {len(t)}), "
-            f"not {u.shape}."
-        )
-    _finite(labels, t, u)
-    return u
+    is_list = isinstance(given, (list, tuple)) and len(given) != len(t)
+    parts, rows = (given or [0.0]) if is_list else [0.0 if given is None else given], []
+    for i, part in enumerate(parts):
+        row = array(part, f"inputs[{i}]" if is_list else "inputs")
+        if row.ndim < 2 and row.shape != (len(t),):  # each number of a part for all times
+            row = np.outer(row, np.ones(len(t)))
+        rows.append(np.atleast_2d(row))
+    shapes = {row.shape[1:] for row in rows}
+    if shapes == {(len(t),)}:
+        u = np.vstack(rows)
+        alone = not is_list and len(u) == 1 and np.ndim(parts[0]) == 0
+        u = np.repeat(u, len(labels), axis=0) if alone else u
+        if len(u) == len(labels):
+            _finite(labels, t, u)
+            return u
+    raise InputError(
+        f"{name} needs inputs ({', '.join(labels)}) of shape ({len(labels)}, {len(t)}), not "
+        f"{' and '.join(str(row.shape) for row in rows)}."
+    )
 
 
 def by_name(
@@ -145,21 +149,6 @@ def _finite(labels: Sequence[str], t: np.ndarray, u: np.ndarray) -> None:
     if len(bad):
         i, k = bad[0]
         raise InputError(f"input {labels[i]} is {u[i, k]} at t = {t[k]:.6g} s.")
-
-
-def _stacked(parts: Sequence[Any], samples: int) -> np.ndarray:
-    """The parts of a list as rows: numbers, (N,) or (m, N)."""
-    rows = []
-    for i, part in enumerate(parts):
-        row = array(part, f"inputs[{i}]")
-        if row.ndim > 2:
-            raise InputError(f"inputs[{i}] must be a number, (N,) or (m, N), not {row.shape}.")
-        whole = row.ndim == 2 or (row.ndim == 1 and len(row) == samples)
-        rows.append(np.atleast_2d(row) if whole else np.outer(row, np.ones(samples)))
-    widths = {row.shape[1] for row in rows}
-    if widths != {samples}:
-        raise InputError(f"the parts of inputs must have {samples} samples, not {sorted(widths)}.")
-    return np.vstack(rows)
 
 
 def start(name: str, states: int, x0: Any, what: str = "x0") -> np.ndarray:

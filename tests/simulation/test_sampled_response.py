@@ -5,9 +5,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.loops.friction_loops import velocity_loop
-from lugrectl.simulation.response import simulate
+from lugrectl.simulation.response import simulate, simulate_sampled
 from lugrectl.simulation.sampled_block import sampled
-from lugrectl.simulation.sampled_response import simulate_sampled
 
 from ..cases.own import row, static, user_block
 
