@@ -16,7 +16,7 @@ from ..blocks.plant import STAGES, stage
 from ..core.display import Row, between, noticed, number
 from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
-from ..core.result import Result
+from ..core.result import Result, picked, plain
 from ..core.unit_names import unit_for
 from ..core.views import view
 from ..record import pooled, record_of, refuse_dead
@@ -184,20 +184,10 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""
         raw = np.asarray(self.raw.frdata)[0, 0]
-        points = ("frequency", "magnitude", "phase", "low", "high", "coherence")
-        return {
-            "schema": 1,
-            **{k: getattr(self, k) for k in points},
-            "raw": {"magnitude": np.abs(raw), "phase": self.raw_phase},
-            **{k: getattr(self, k) for k in ("correction", "governed", "trusted")},
-            "modes": [mode.summary() for mode in self.modes],
-            **{k: getattr(self, k) for k in ("inertia", "inertia_ci95")},
-            "friction": dict(self.friction),
-            "reference": self.reference,
-            "gains": None if self.gains is None else self.gains.summary(),
-            "messages": list(self.messages),
-            "provenance": self.provenance.summary() if self.provenance else None,
-        }
+        names = "frequency magnitude phase low high coherence correction governed trusted modes"
+        names += " inertia inertia_ci95 friction reference gains messages provenance"
+        both = {"magnitude": np.abs(raw), "phase": self.raw_phase}
+        return {"schema": 1, **picked(self, names), "raw": plain(both)}
 
     def _title(self) -> str:
         sure, all_of = int(self.certain.sum()), len(self.frequency)

@@ -30,7 +30,7 @@ from ..core.display import number as figure
 from ..core.errors import InputError, Refused
 from ..core.option_names import option
 from ..core.provenance import Provenance, stamped
-from ..core.result import Result
+from ..core.result import Result, picked
 from ..core.unit_names import unit_for
 from ..core.validation import flag, number, positive
 from ..core.views import view
@@ -577,21 +577,13 @@ class Tuning(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under ``gains`` of ``lugrectl bode --json``."""
-        m = self.margins
-        names = [name for _, name, _ in MARGINS]
+        names = "structure kp ki kd cascade Ti worst bandwidth crossover rate dead_time messages"
+        margins = [key for _, name, _ in MARGINS for key in (name, f"{name}_frequency")]
         return {
-            **{k: getattr(self, k) for k in ("structure", "kp", "ki", "kd")},
-            "cascade": None if self.cascade is None else dict(self.cascade),
-            "Ti": self.Ti,
+            **picked(self, f"{names} limit_cycles"),
+            **picked(self.margins, " ".join(["Ms", *margins])),
             "notch": None if self.notch is None else self.notch._asdict(),
-            "Ms": m.Ms,
-            "worst": self.worst,
-            **{k: getattr(m, k) for k in names},
-            **{f"{k}_frequency": getattr(m, f"{k}_frequency") for k in names},
-            **{k: getattr(self, k) for k in ("bandwidth", "crossover", "rate", "dead_time")},
             "hunts": None if self.limit_cycles is None else self.limit_cycles.hunts,
-            "limit_cycles": None if self.limit_cycles is None else self.limit_cycles.summary(),
-            "messages": list(self.messages),
         }
 
     def _title(self) -> str:

@@ -271,8 +271,7 @@ def _is_open(rigid: LimitCycles) -> bool:
 
 
 RESTS, HUNTS, GROWS, OPEN = "rests", "hunts", "grows", "open"
-JOINS = "joins"  # a motion that is known to go on
-AWAKE = (HUNTS, GROWS, JOINS)
+AWAKE = (HUNTS, GROWS)
 VERBS = {
     RESTS: "came to rest",
     HUNTS: "kept swinging",
@@ -310,10 +309,7 @@ class Seen(NamedTuple):
     ``ratio`` that to the third before; ``sure``: it repeats, or has scattered for many turns."""
 
     fate: str
-    amplitude: float = 0.0
-    scatter: float = 0.0
-    period: float = np.inf
-    sides: dict[str, float] = {}
+    cycle: Cycle | None = None
     size: float = np.inf
     ratio: float = 1.0
     sure: bool = True
@@ -332,7 +328,7 @@ def judged(m: Motion, small: float, large: float) -> Seen:
         return seen
     if last <= small:
         return Seen(RESTS)
-    return Seen(GROWS if last > max(large, earlier) else OPEN, size=last, ratio=last / earlier)
+    return Seen(GROWS if last > max(large, earlier) else OPEN, None, last, last / earlier)
 
 
 def _repeating(m: Motion, before: slice, now: slice) -> Seen | None:
@@ -344,10 +340,10 @@ def _repeating(m: Motion, before: slice, now: slice) -> Seen | None:
     drift = abs(size / _half_turns(m.t[before], m.e[before])[0].mean() - 1.0)
     if drift > max(REPEATS, 4.0 * scatter / size / np.sqrt(len(peaks))):
         return None
-    sides = {k: float(_half_turns(m.t[now], y[now])[0].mean()) for k, y in m.sides.items()}
+    sides = [float(_half_turns(m.t[now], y[now])[0].mean()) for y in m.sides.values()]
     sure = scatter <= REPEATS * size or len(peaks) >= MANY
-    period = 2.0 * float(np.diff(times).mean())
-    return Seen(HUNTS, size, scatter, period, sides, size, sure=sure)
+    cycle = Cycle(size, 2.0 * float(np.diff(times).mean()), True, (), None, scatter, *sides)
+    return Seen(HUNTS, cycle, size, sure=sure)
 
 
 def _half_turns(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -360,18 +356,14 @@ def _half_turns(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cycles_of(seen: Iterable[Seen]) -> tuple[Cycle, ...]:
-    made: list[list[Seen]] = []
-    for one in sorted((s for s in seen if s.fate == HUNTS), key=lambda s: s.amplitude):
-        last = made[-1][-1] if made else one
+    """Return the middle one of those that are as large, within their scatter."""
+    made: list[list[Cycle]] = []
+    for one in sorted((s.cycle for s in seen if s.cycle), key=lambda c: c.amplitude):
+        last = made[-1][-1] if made else Cycle(-np.inf, 0.0, True)
         far = one.amplitude - last.amplitude > max(SAME * last.amplitude, 2.0 * last.scatter)
-        made += [[]] if far or not made else []
+        made += [[]] if far else []
         made[-1].append(one)
-    cycles = []
-    for group in made:
-        rows = [(s.amplitude, s.period, s.scatter, *s.sides.values()) for s in group]
-        size, period, scatter, *sides = np.mean(rows, axis=0).tolist()
-        cycles.append(Cycle(size, period, True, (), None, scatter, *sides))
-    return tuple(cycles)
+    return tuple(group[len(group) // 2] for group in made)
 
 
 @dataclass(frozen=True)
@@ -392,7 +384,7 @@ class Search:
         self.run, self.starts, self.budget = run, sorted(map(float, starts)), budget
         self.small, self.large = SMALLER * self.starts[0], LARGER * self.starts[-1]
         self.passed: list[tuple[float, float]] = []
-        self.sure: list[Seen] = []
+        self.sure: list[Cycle] = []
 
     def answer(self, where: str) -> LimitCycles:
         """Cycles and border; ``where`` it starts, with {} for the smallest and the largest."""
@@ -402,13 +394,13 @@ class Search:
             falling.append(self._fate(start))
         seen = self._settled(falling[::-1])
         ends = where.format(*map(shown, (self.starts[0], self.starts[-1])))
-        grows, undecided = (sum(s.fate == fate for s in seen) for fate in (GROWS, OPEN))
-        fates = [HUNTS if s.fate == JOINS else s.fate for s in seen]
+        fates = [s.fate for s in seen]
         every = ", ".join(f"{fates.count(k)} {verb}" for k, verb in VERBS.items() if k in fates)
         said = f"searched by simulation from {count} starts, {ends}, not proven: {every}"
         return LimitCycles(
-            cycles_of(seen), self._border(seen), None, bool(grows), {}, (said,), undecided=undecided
-        )
+            cycles_of(seen), self._border(seen), None, GROWS in fates, {}, (said,),
+            undecided=fates.count(OPEN),
+        )  # fmt: skip
 
     def _fate(self, start: float) -> Seen:
         one = Seen(OPEN)
@@ -422,26 +414,23 @@ class Search:
             # where another goes on so does this one, if it changes: it is near no cycle of its own
             near = any(a <= one.size <= b for a, b in self.passed)
             if one.fate == OPEN and near and abs(one.ratio - 1.0) > STEADY:
-                one = one._replace(fate=JOINS)
+                one = one._replace(fate=HUNTS)
             # one that scatters as it does has been seen for long
-            seen = any(abs(one.size - s.size) <= 2.0 * s.scatter for s in self.sure)
+            seen = any(abs(one.size - c.amplitude) <= 2.0 * c.scatter for c in self.sure)
             if one.fate != OPEN and (one.sure or seen):
                 break
         if one.fate in AWAKE:
             self.passed.append((min(start, one.size), max(start, one.size)))
-            self.sure += [one] * (one.fate == HUNTS)
+            self.sure += [one.cycle] if one.cycle else []
         return one
 
-    def _settled(self, seen: Sequence[Seen]) -> list[Seen]:
+    def _settled(self, seen: list[Seen]) -> list[Seen]:
         """What still shrinks at the end of the budget, below starts that all rest, rests too."""
-        resting, all_rest, made = 0.0, True, []
-        for start, one in zip(self.starts, seen, strict=True):
+        for k, one in enumerate(seen):
+            resting = self.starts[k - 1] if k and all(s.fate == RESTS for s in seen[:k]) else 0.0
             if one.fate == OPEN and one.ratio < 1.0 and one.size < resting:
-                one = Seen(RESTS)
-            all_rest = all_rest and one.fate == RESTS
-            resting = start if all_rest else resting
-            made.append(one)
-        return made
+                seen[k] = Seen(RESTS)
+        return seen
 
     def _border(self, seen: Sequence[Seen]) -> float | None:
         """The smallest start that does not come to rest; 0 where it is the first."""
