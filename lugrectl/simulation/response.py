@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ..blocks.block import Steady
 from ..blocks.drive import dead_times
 from ..core.errors import Diverged, InputError
-from ..core.validation import array, nearest, positive, whole
+from ..core.validation import nearest, positive, whole
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.adaptive_run import Accuracy, Course, Track
 from ..engine.runtime.delays import run_late
@@ -166,9 +166,9 @@ def simulate(
         course = course_of(times, u, periods, hold)
     else:
         course = Course.along(times, u, net.groups, hold)
-        dt = net.parts[0].block.dt if net.groups else True
-        if dt is not True and not np.allclose(np.diff(times), dt, rtol=1e-6, atol=0.0):
-            raise InputError(f"{net.name}: t must increase in steps of its sample time, {dt:g} s.")
+        block = net.parts[0].block
+        if net.groups and block.dt is not True:
+            _even(net.name, times, [block])
     run = Run(net, course, start, params, method, accuracy)
     return response(run, followed(run), u, squeeze)
 
@@ -471,39 +471,35 @@ def simulate_sampled(
     >>> bool(abs(w - 0.1 * np.sin(2 * np.pi * t)).max() < 0.01)
     True
     """
-    rtol = arguments.settings(rtol)
-    plant, listed = arguments.system(plant, "plant"), isinstance(drive, (list, tuple))
-    what, given = "a block of the drive" if listed else "drive", drive if listed else [drive]
-    blocks = [arguments.system(block, what) for block in given]  # pyright: ignore
+    rtol, plant = arguments.settings(rtol), arguments.system(plant, "plant")
+    listed = drive if isinstance(drive, (list, tuple)) else [drive]
+    blocks = [arguments.system(block, "a block of the drive") for block in listed]
     parts = _parts(plant, blocks, whole(delay, "delay"))
     arguments.parameters([part.block for part in parts], params)
     net = Net(plant.name, parts, outside((*parts[1:], parts[0])), 1, earlier=True)
-    times = _grid(t, parts)
-    warn_unfed(net, {} if inputs is None else inputs)
-    u = _inputs(net, times, inputs)
-    names = [f"drive_{block.name}_" if listed else "drive_" for block in blocks]
-    pairs = zip(names, parts[1:], strict=False)
-    labels = [name + k for name, p in pairs if p.nstates for k in p.block.state_labels]
+    times = _even(net.name, arguments.times(t), blocks)
+    if not isinstance(inputs, Mapping):
+        read = {k for part in parts[1:] for k in part.inputs}
+        own = [k for k in net.outside if k in read]
+        rows = arguments.inputs("the drive", own, times, inputs) if inputs is not None else ()
+        inputs = dict(zip(own, rows, strict=False))
+    warn_unfed(net, inputs)
+    u = arguments.by_name(net.name, net.outside, times, inputs)
     start = arguments.start(plant.name, parts[0].nstates, x0)
-    name = "drive" if listed else blocks[0].name
-    driven = arguments.start(name, len(labels), drive_x0, "drive_x0")
-    delayed = np.zeros(net.count(True) - len(labels))  # of the delay, 0 at the start
-    states = np.concatenate([start, driven, delayed])
-    run = Run(net, Course.along(times, u, 1, True), states, params, None, Accuracy(rtol))
-    track = followed(run)
-    shown = [i for i, label in enumerate(net.signals) if not label.endswith(LATE)]
-    return ct.TimeResponseData(
-        times,
-        track.y[shown],
-        np.vstack([track.x, track.q[: len(labels)]]),
-        u,
-        issiso=False,
-        output_labels=[net.signals[i] for i in shown],
-        input_labels=list(net.outside),
-        state_labels=[*(plant.state_labels if plant.nstates else ()), *labels],
-        sysname=plant.name,
-        title=f"Sampled response of {plant.name}",
-    )
+    driven = arguments.start("the drive", net.count(True), drive_x0, "drive_x0")
+    states, course = np.concatenate([start, driven]), Course.along(times, u, 1, True)
+    run = Run(net, course, states, params, None, Accuracy(rtol))
+    return response(run, followed(run), u)
+
+
+def _even(name: str, times: np.ndarray, blocks: Sequence[Any]) -> np.ndarray:
+    """The times; InputError if they are not a sample time apart."""
+    known = [float(b.dt) for b in blocks if b.isdtime(strict=True) and b.dt is not True]
+    steps = np.diff(times)
+    dt = known[0] if known else steps[:1].sum()
+    if not np.allclose(steps, dt, rtol=1e-6, atol=0.0):
+        raise InputError(f"{name}: t must increase in steps of the sample time, {dt:g} s.")
+    return times
 
 
 def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
@@ -547,32 +543,3 @@ class _Delay(Steady):
 
     def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
         return np.concatenate([x[self.n :], u]) if self.moves else x[: self.n]
-
-
-def _inputs(net: Net, t: np.ndarray, given: Any) -> np.ndarray:
-    """Inputs by name; an array or a number gives those that the drive reads."""
-    read = {k for part in net.parts[1:] for k in part.inputs}
-    references = [k for k in net.outside if k in read]
-    if given is None:
-        given = {}
-    elif not isinstance(given, Mapping):
-        rows = array(given, "inputs")
-        rows = [rows] * len(references) if rows.ndim == 0 else np.atleast_2d(rows)
-        if len(rows) != len(references):
-            raise InputError(
-                f"the drive has the external inputs {', '.join(references) or '(none)'}, "
-                f"but {len(rows)} were given."
-            )
-        given = dict(zip(references, rows, strict=True))
-    return arguments.by_name(net.name, net.outside, t, given)
-
-
-def _grid(t: Any, parts: Sequence[Part]) -> np.ndarray:
-    times = arguments.times(t)
-    known = [p.block.dt for p in parts[1:] if p.block.isdtime(strict=True)]
-    dt = next((float(dt) for dt in known if dt is not True), None)
-    step = np.diff(times)
-    wanted = float(step[0]) if dt is None and len(step) else dt
-    if len(step) and np.max(np.abs(step - wanted)) > 1e-6 * float(wanted or 1.0):
-        raise InputError(f"t must increase in steps of the drive's sample time, {wanted:g} s.")
-    return times

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -313,18 +312,6 @@ def ramp_response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.nd
     ``scipy.linalg.expm``.
     """
     B, start, change = signals(B), signals(start), signals(change)
-    if B.ndim == 2 and B.dtype == start.dtype == change.dtype == float:
-        return _of_numbers(len(B), np.concatenate([B.ravel(), start, change]).tobytes())
-    return _response(B, start, change)
-
-
-@lru_cache(maxsize=32)  # output and update of a block ask for the same step
-def _of_numbers(n: int, numbers: bytes) -> np.ndarray:
-    values = np.frombuffer(numbers)
-    return _response(values[: n * n].reshape(n, n), values[n * n : -n], values[-n:])
-
-
-def _response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
     n = len(B)
     if n == 1:
         one, two = _phi(B[0])
