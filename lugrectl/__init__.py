@@ -26,7 +26,7 @@ _HOMES = {
     "coulomb_predictor dual_observer_control repetitive_control repetitive_memory sliding_error "
     "slotine_li smith_velocity",
     "blocks.table": "tabulated",
-    "simulation.bristle_deflection": "deflection",
+    "simulation.sampled_block": "deflection",
     "blocks.catalogue": "controllers effects laws observers",
     "bench": "Assurance Compensation HuntingChance ObserverComparison Recommendation assure "
     "compare_observers compensate hunting_chance recommend_observer",
@@ -166,7 +166,6 @@ if TYPE_CHECKING:
     from .loops.friction_loops import cascade_loop, late_loop, position_loop, velocity_loop
     from .paper.equations import PAPER
     from .record import Record, read_record
-    from .simulation.bristle_deflection import deflection
     from .simulation.response import simulate, simulate_sampled
-    from .simulation.sampled_block import sampled
+    from .simulation.sampled_block import deflection, sampled
     from .simulation.sweep import Sweep, sweep, sweep_chunks

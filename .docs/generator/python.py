@@ -11,7 +11,7 @@ from .rst import escaped, filled, literal, prose, table, title, toctree
 
 TOPICS = {  # topic: the modules whose public names it holds
     "blocks": "blocks.block blocks.declaration blocks.plant blocks.drive "
-    "blocks.table simulation.bristle_deflection",
+    "blocks.table simulation.sampled_block",
     "observers": "blocks.observers bench.observers",
     "controllers": "blocks.controllers blocks.sliding_control",
     "laws": "",

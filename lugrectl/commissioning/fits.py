@@ -59,8 +59,7 @@ POWERS = np.arange(ORDER + 1)
 class Run:
     """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples. ``steps``
     (FINER n,) is the smoothed motion of each part of an interval, rad or m; ``E`` the spectrum of
-    the changes of the reference, if logged; ``load`` (n,) the known torque on the resisting side,
-    ``scale`` that of the level of friction."""
+    the changes of the reference, if logged; ``load`` (n,) the known torque that resists."""
 
     dt: float
     t: np.ndarray
@@ -72,7 +71,6 @@ class Run:
     E: np.ndarray | None
     load: np.ndarray
     steps: np.ndarray
-    scale: np.ndarray | float = 1.0
 
     @cached_property
     def U(self) -> np.ndarray:
@@ -688,8 +686,7 @@ class Problem:
             load = self.loads[i]
             far = _terms(load.path, load.speed, distance, vs)[1]
             made = np.c_[made, run.signal(run.spectrum(far) * load.seen[:, None])]
-        share = run.scale * ~run.stands
-        return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
+        return run.spectrum(made * ~run.stands[:, None]) * self.advance[i][:, None]
 
     def without(self, found: Friction) -> Friction:
         """The same shapes with no friction."""

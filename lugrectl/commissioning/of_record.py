@@ -1,8 +1,14 @@
-"""From a log and a model to the frequency response of the axis: friction, response, mechanics, and
-once more with what they say."""
+"""From a log and a model to the frequency response of the axis, and the excitation to record for it.
+
+Friction, response, mechanics, and once more with what they say. The excitation: jogs that reverse
+keep the axis out of the presliding range and carry the low frequencies; a multisine on the speed
+reference is a torque of the same size at all frequencies above the loop's bandwidth. Both are sized
+by the torque that they cost a speed loop of gain kp on a rigid axis.
+"""
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,6 +24,7 @@ from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
 from ..core.result import Result, picked, plain
 from ..core.unit_names import unit_for
+from ..core.validation import positive, whole
 from ..core.views import view
 from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
@@ -220,27 +227,19 @@ def _shown(mode: Mode) -> tuple[str, str, str]:
     return f"{mode.frequency:.4g}", "rad/s", f"{hertz}, damping {mode.damping:.2g}"
 
 
-# What a model knows besides friction and inertia, along the measured motion, to be taken out.
-# Torques of position, speed and time go off the torque; what acts on the torque itself is applied
-# to it; what changes the level of friction scales its terms, and a change of Fv is a torque. A
-# delay or lag of the torque and the lag of a sensor are linear: they stay in the response.
-
 LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
-LEFT = "{} is not taken out: it is no torque of position, speed and time with known values."
-ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
+LEFT = "{} is not taken out: it is no torque of position, speed and time."
 
 
 def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[str]]:
-    """The runs with the effects of a model along them, and what stays in the response, in words;
-    InputError for a value that it leaves open."""
-    parts, said, friction = [], [], model.friction.values
+    """The runs with the effects of a model along the measured motion, and what stays in the
+    response, in words; what is linear stays without a word. InputError for an open value."""
+    parts, said = [], []
     for part in model.effects:
-        needed = [k for act, k in (("+Fc", "Fc"), ("Fv", "Fv")) if act in part.block.acts]
-        stays = bool(part.block.states) or any(p.shared for p in part.block.parameters.values())
-        stays = stays or not {*part.block.acts} <= ACTS
+        shared = any(p.shared for p in part.block.parameters.values())
         if part.block.name in LINEAR:
             continue
-        if stays or any(friction.get(k, 0.0) is None for k in needed):
+        if part.block.states or shared or not {*part.block.acts} <= {"torque", "input"}:
             said.append(LEFT.format(part.key))
             continue
         if missing := [k for k, v in part.values.items() if v is None]:
@@ -250,25 +249,20 @@ def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[st
             )
         parts.append(part)
     parts.sort(key=lambda part: STAGES.index(stage(part.block)))
-    return [_along(run, parts, friction) for run in runs], said
+    return [_along(run, parts) for run in runs], said
 
 
-def _along(run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]) -> Run:
-    """A run with the torque that acts on it, the resisting torque, and the level of friction."""
+def _along(run: Run, parts: Sequence[Part]) -> Run:
+    """A run with the torque that acts on it, and the resisting torque."""
     middle = np.append(0.5 * (run.theta[1:] + run.theta[:-1]), run.theta[-1])
     signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
-    signals["load"], resisting, level = run.load, run.load.copy(), np.ones(len(run.u))
+    resisting = run.load
     for part in parts:
         values = part.block(*(signals[name] for name in part.block.reads), **part.values)
         acts = dict(part.block.deeds(values))
-        if "input" in acts:
-            signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
-        torque, viscous = acts.get("torque", 0.0), friction.get("Fv") or 0.0
-        resisting = resisting + torque + acts.get("Fv", 0.0) * viscous * run.speed
-        if part.block.load:
-            signals["load"] = signals["load"] + torque
-        level = level + acts.get("Fc", 0.0) + acts.get("+Fc", 0.0) / (friction.get("Fc") or np.inf)
-    return replace(run, u=signals["u"], load=resisting, scale=level)
+        signals["u"] = np.broadcast_to(acts.get("input", signals["u"]), run.u.shape)
+        resisting = resisting + acts.get("torque", 0.0)
+    return replace(run, u=signals["u"], load=resisting)
 
 
 HIGHEST = 0.4  # of half the sampling rate
@@ -316,7 +310,8 @@ def frequency_response(
         speed, serves as instrument: noise in the loop does not bias the response then.
     model : Model, Parameters, dict or path
         The declared model. The level of friction is fitted; a law without dry friction
-        ("viscous") takes none out. Its other effects are taken out with their values.
+        ("viscous") takes none out. Torques of position, speed and time among its effects are taken
+        out with their values.
     columns, units, scale, rate : optional
         How to read a log, as for :func:`lugrectl.read_record`.
 
@@ -531,3 +526,167 @@ class _Stage:
         loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
         both = fit_friction(replace(problem, loads=loads), before)
         return both if both.cost < found.cost - SURE else found
+
+
+PERIOD = 4.0  # s, of the multisine
+TOP_LINE = 0.45  # of the rate, of its lines
+TIMES = 2.0  # Fc, the RMS torque of the multisine
+SINE = 0.5  # of the speed, and of the torque that friction leaves: the multisine's peak at most
+JOGS = 0.6  # of what then remains: a speed loop overshoots
+LENGTHS, PAUSES = (0.25, 0.8), (0.0, 0.3)  # s
+SLOWEST = 0.15  # of the top speed
+STEEP = 0.2  # s of acceleration at most
+REVERSALS = 0.8  # of all moves
+BANDWIDTH = 10.0  # Hz, of the speed loop where its gain is not given
+HOW = (
+    "Give w to the speed loop as its reference; a position loop follows theta, and w is added to "
+    "its output. Log torque, position and w."
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResponsePlan(Result):
+    """The references to play: ``t`` in s, ``w`` of speed with the multisine, ``theta`` of position
+    without it (rad/s and rad, or m/s and m); ``sine`` is the multisine's RMS torque (N m or N) in a
+    speed loop of gain ``kp`` (N m s/rad or N s/m)."""
+
+    t: np.ndarray
+    w: np.ndarray
+    theta: np.ndarray
+    sine: float
+    kp: float
+    motion: str = "rotary"
+
+    def to_csv(self) -> str:
+        """The columns t, w and theta with a header."""
+        angle, speed = (unit_for(unit, self.motion) for unit in ("rad", "rad/s"))
+        made, head = io.StringIO(), f"t [s],w [{speed}],theta [{angle}]"
+        rows = np.column_stack([self.t, self.w, self.theta])
+        np.savetxt(made, rows, "%.9g", ",", header=head, comments="")
+        return made.getvalue()
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        arrays = {"t": self.t, "w": self.w, "theta": self.theta}
+        return {"schema": 1, **arrays, "sine": self.sine, "kp": self.kp}
+
+    def _title(self) -> str:
+        rate = (len(self.t) - 1) / (self.t[-1] - self.t[0])
+        return f"Excitation for a frequency response: {len(self.t) / rate:.3g} s at {rate:.5g} Hz"
+
+    def _rows(self) -> Iterable[Row]:
+        names = ("rad/s", "rad", "N m", "N m s/rad")
+        speed, angle, torque, gain = (unit_for(unit, self.motion) for unit in names)
+        said = f"RMS, in a speed loop of gain {number(self.kp)} {gain}"
+        return [
+            Row("reference", number(float(np.abs(self.w).max())), speed, "at most"),
+            Row("travel", number(float(np.ptp(self.theta))), angle),
+            Row("multisine", number(self.sine), torque, said),
+            *noticed([HOW], "HOW"),
+        ]
+
+
+def response_plan(
+    model: Any,
+    *,
+    rate: float,
+    w: float,
+    u: float,
+    theta: float | None = None,
+    kp: float | None = None,
+    seed: int = 0,
+    duration: float = 30.0,
+) -> ResponsePlan:
+    """The excitation to record for :func:`frequency_response`: reversing jogs and a multisine.
+
+    Parameters
+    ----------
+    model : Model, Parameters, dict or path
+        With J and, where there is dry friction, Fc: rough values will do.
+    rate : float
+        Sampling rate of the references in Hz.
+    w, u : float
+        Largest speed in rad/s (or m/s) and torque in N m (or N).
+    theta : float, optional
+        Largest distance from the start in rad or m; default: none.
+    kp : float, optional
+        Proportional gain of the speed loop, N m s/rad or N s/m. Default: that of 10 Hz bandwidth.
+    seed : int, optional
+        Of lengths, speeds and phases.
+    duration : float, optional
+        In s, at least 10.
+
+    Returns
+    -------
+    ResponsePlan
+        ``t``, ``w`` and ``theta``; ``to_csv()``. The multisine's torque is twice Fc where the
+        limits allow it.
+
+    Raises
+    ------
+    InputError
+        When an argument cannot be meant, J is not declared, or u does not exceed friction.
+
+    Examples
+    --------
+    >>> plan = lg.response_plan(lg.table1(), rate=1000, w=20, u=1)
+    >>> len(plan.t), round(plan.sine, 2), bool(abs(plan.w).max() <= 20)
+    (30000, 0.11, True)
+    """
+    made = as_model(model)
+    rate, w, u = positive(rate, "rate", "Hz"), positive(w, "w"), positive(u, "u")
+    reach = np.inf if theta is None else positive(theta, "theta")
+    g = np.random.default_rng(whole(seed, "seed"))
+    values = made.values()
+    J, Fc = values["J"], values.get("Fc", 0.0)
+    if J is None or Fc is None:
+        missing = "J" if J is None else "Fc"
+        raise InputError(
+            f"{missing} must be declared to size the excitation: a rough value will do."
+        )
+    if u <= Fc:
+        raise InputError(f"u = {u:g} does not exceed Fc = {Fc:g}: the axis would not move.")
+    kp = J * 2.0 * np.pi * BANDWIDTH if kp is None else positive(kp, "kp")
+    n = round(max(positive(duration, "duration", "s"), 10.0) * rate)
+    sine, peak = _multisine(g, n, rate, kp, J)
+    top = float(np.abs(sine).max())
+    most = min(TIMES * Fc if Fc else np.inf, SINE * (u - Fc) / peak, SINE * w / top)
+    steep = JOGS * (u - Fc - most * peak) / J
+    jogs = _jogs(g, n, rate, min(w - most * top, STEEP * steep), steep, reach)
+    both, position = jogs + most * sine, np.cumsum(jogs) / rate
+    return ResponsePlan(np.arange(n) / rate, both, position, most, kp, made.motion)
+
+
+def _multisine(
+    g: np.random.Generator, n: int, rate: float, kp: float, J: float
+) -> tuple[np.ndarray, float]:
+    """A speed reference (n,) that costs a torque of RMS 1, and the peak of that torque."""
+    one = round(PERIOD * rate)
+    lines = int(TOP_LINE * one)
+    X = np.zeros(one // 2 + 1, complex)
+    X[1 : lines + 1] = np.exp(2j * np.pi * g.random(lines))
+    s = 2j * np.pi / PERIOD * np.arange(len(X))
+    torque = np.fft.irfft(X * kp * s / (s + kp / J), one)
+    size = torque.std()
+    repeated = np.resize(np.fft.irfft(X, one) / size, n)
+    return repeated, float(np.abs(torque).max() / size)
+
+
+def _jogs(
+    g: np.random.Generator, n: int, rate: float, top: float, steep: float, reach: float
+) -> np.ndarray:
+    """Speeds (n,) of moves that mostly reverse and stay within reach of the start."""
+    v, k, side, x = np.zeros(n), 0, 1.0, 0.0
+    while k < n:
+        side *= -1.0 if g.random() < REVERSALS else 1.0
+        t = np.arange(round(g.uniform(*LENGTHS) * rate)) / rate
+        size = g.uniform(SLOWEST, 1.0) * top
+        move = np.minimum(size, steep * np.minimum(t, t[-1] - t))
+        far = float(move.sum()) / rate
+        if abs(x + side * far) > reach:  # back, and not too far
+            side = -float(np.sign(x) or side)
+            move *= min(1.0, (reach + abs(x)) / far)
+        v[k : k + len(t)] = side * move[: n - k]
+        x += side * float(move.sum()) / rate
+        k += len(t) + round(g.uniform(*PAUSES) * rate)
+    return v

@@ -253,7 +253,7 @@ def _described(loop: Loop, lanes: Lanes, x: np.ndarray) -> list[Cycle]:
     first, last = np.where(sticks[0], 0, 1), np.where(sticks[2], 2, 1)  # beside a border one does
     k, own = np.arange(len(x)), np.arange(len(x), 2 * len(x))
     slope = (T[last, k] - T[first, k]) / np.maximum(e[last, k] - e[first, k], AWAY * x)
-    size, period = np.maximum(made.high, made.low)[own] * loop.unit, 2.0 * made.t[own] / loop.wn
+    size, period = made.size[own] * loop.unit, 2.0 * made.t[own] / loop.wn
     rows = zip(size, period, slope.tolist(), made.stops[own], sticks[1], strict=True)
     return [
         Cycle(float(a), float(T), mu**2 < 1.0, (mu**2,), 2 * int(n))

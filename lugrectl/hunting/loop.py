@@ -402,25 +402,18 @@ NEVER = 50.0  # the excess of what rests (negative) or never sticks
 @dataclass
 class Turn:
     """What happened up to the next stick of each lane: its error ``x`` (units), signed for a stop
-    and positive for a half turn; ``t`` with the wait for breakaway; ``high`` and ``low``, the
-    largest errors on the side of the start and on the other."""
+    and positive for a half turn; ``t`` with the wait for breakaway; ``size``, the largest error."""
 
     x: np.ndarray
     t: np.ndarray
-    high: np.ndarray
-    low: np.ndarray
+    size: np.ndarray
     stops: np.ndarray
     fate: np.ndarray
 
     @classmethod
     def begun(cls, x: np.ndarray) -> Turn:
         stops, fate = np.zeros((2, len(x)), int)
-        return cls(x.copy(), np.zeros(len(x)), x.copy(), 0.0 * x, stops, fate)
-
-    def reach(self, lanes: np.ndarray, high: np.ndarray, low: np.ndarray) -> None:
-        """Note errors that some lanes reached on either side."""
-        self.high[lanes] = np.maximum(self.high[lanes], high)
-        self.low[lanes] = np.maximum(self.low[lanes], low)
+        return cls(x.copy(), np.zeros(len(x)), x.copy(), stops, fate)
 
 
 def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
@@ -431,7 +424,7 @@ def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
         own = lanes[active]
         end = slip(own, at, excess)
         made.x[active] = side * end.x
-        made.reach(active, side * end.x, -side * end.x)
+        made.size[active] = np.maximum(made.size[active], np.abs(end.x))
         ahead, over = -end.x, -2.0 - end.y
         fate = np.where(end.rests, RESTS, np.where(over <= 0.0, STICKS, SWINGS))
         wait = np.where(end.x > 0.0, -end.y, -over) / (own.rho * np.abs(end.x) + 1e-300)
@@ -454,7 +447,7 @@ def half_turn(lanes: Lanes, x: np.ndarray) -> Turn:
     for _ in range(STOPS):
         one = next_stick(lanes[active], at)
         made.t[active] += one.t
-        made.reach(active, one.high, one.low)
+        made.size[active] = np.maximum(made.size[active], one.size)
         made.stops[active] += one.fate == STICKS
         made.fate[active], made.x[active] = one.fate, np.abs(one.x)
         stays = (one.fate == STICKS) & (one.x > 0.0)
