@@ -26,7 +26,6 @@ _HOMES = {
     "coulomb_predictor dual_observer_control repetitive_control repetitive_memory sliding_error "
     "slotine_li smith_velocity",
     "blocks.table": "tabulated",
-    "simulation.sampled_block": "deflection",
     "blocks.catalogue": "controllers effects laws observers",
     "bench": "Assurance Compensation HuntingChance ObserverComparison Recommendation assure "
     "compare_observers compensate hunting_chance recommend_observer",
@@ -47,7 +46,7 @@ _HOMES = {
     "record": "Record read_record",
     "diagnosis.result": "Diagnosis",
     "estimates.findings": "Table",
-    "simulation.sampled_block": "sampled",
+    "simulation.sampled_block": "deflection sampled",
     "simulation.response": "simulate simulate_sampled",
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names.split()}

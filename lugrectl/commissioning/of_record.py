@@ -1,4 +1,4 @@
-"""From a log and a model to the frequency response of the axis, and the excitation to record for it.
+"""From a log and a model to the frequency response of the axis, and the excitation to record.
 
 Friction, response, mechanics, and once more with what they say. The excitation: jogs that reverse
 keep the axis out of the presliding range and carry the low frequencies; a multisine on the speed

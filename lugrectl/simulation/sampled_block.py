@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import control as ct
@@ -19,7 +19,7 @@ from scipy.linalg import expm, lapack
 
 from ..blocks.block import Steady
 from ..blocks.friction import bristle
-from ..blocks.model import as_model
+from ..blocks.model import Model, Parameters, as_model
 from ..core.block_system import BlockSystem
 from ..core.errors import InputError
 from ..core.validation import array, names, positive
@@ -507,9 +507,6 @@ def encoder(sensing: Sensing, seen: tuple[str, str] = ("theta", "w")) -> ct.Nonl
         name="encoder",
     )
 
-
-if TYPE_CHECKING:
-    from ..blocks.model import Model, Parameters
 
 _dtbtrs: Any = lapack.dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
 KEYS = ("sigma0", "Fc", "Fs", "vs")
