@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -332,22 +332,82 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """The fitted parameters ``x`` (m,), and the points they fit."""
+    """The points to fit, and the fitted parameters ``x`` (m,); ``change`` (n,) is what friction
+    changed log P by, and ``share`` how much of that may be left."""
 
-    x: np.ndarray
-    fit: _Fit
+    w: np.ndarray
+    log_P: np.ndarray
+    deviation: np.ndarray
+    change: np.ndarray
+    dt: float
+    J: float
+    share: float = 0.0
+    x: np.ndarray = field(default_factory=lambda: np.zeros(FIXED))
+
+    def stacked(self, z: np.ndarray) -> np.ndarray:
+        """Errors of log P (n,), over their deviations, as real numbers (2n,)."""
+        return np.concatenate([np.real(z), np.imag(z)]) / np.tile(self.deviation, 2)
+
+    def error(self, x: np.ndarray) -> np.ndarray:
+        e = _log_response(x, self.w, self.dt)[0] - self.log_P
+        return self.stacked(np.real(e) + 1j * (np.mod(np.imag(e) + np.pi, 2.0 * np.pi) - np.pi))
+
+    def rates(self, x: np.ndarray) -> np.ndarray:
+        g = _log_response(x, self.w, self.dt)[1] / self.deviation[:, None]
+        return np.concatenate([np.real(g), np.imag(g)])
+
+    def bounds(self, pairs: int) -> tuple[np.ndarray, np.ndarray]:
+        low, high, J, dt = self.w[0], self.w[-1], np.log(self.J), self.dt
+        light = np.log(self.J * low)
+        below = [J - 1.5, light - 6.0, -dt, np.log(1e-3 * dt)]
+        above = [J + 1.5, light + 2.0, 20.0 * dt, np.log(10.0 * dt)]
+        below += [np.log(1.5 * low), np.log(1e-3), np.log(0.03), np.log(1e-3)] * pairs
+        above += [np.log(high), np.log(0.5), np.log(6.0), np.log(0.5)] * pairs
+        return np.array(below), np.array(above)
+
+    def solved(self, start: Sequence[float]) -> tuple[float, np.ndarray]:
+        below, above = self.bounds((len(start) - FIXED) // 4)
+        x = np.clip(start, below + 1e-6, above - 1e-6)
+        options = {"jac": self.rates, "bounds": (below, above), "loss": "soft_l1"}
+        found = least_squares(self.error, x, max_nfev=60, x_scale="jac", **options)
+        return float(found.cost), found.x
+
+    def with_friction(self, x: np.ndarray) -> Mechanics:
+        """The same with what is left of friction as a part of the deviations."""
+        e, G, weight = self.linear(x)
+        hidden = [one + G @ _step(one, G, weight) for one in self.phases()]
+        seen = 0.5 * sum(float(weight @ one**2) for one in hidden)
+        share = min(np.sqrt(float(weight @ e**2) / seen), 1.0) if seen > 0.0 else 0.0
+        deviation = np.hypot(self.deviation, share * np.abs(self.change))
+        return replace(self, deviation=deviation, share=share)
+
+    def phases(self) -> list[np.ndarray]:
+        """What friction changed, and the same turned by a quarter, as errors (2n,)."""
+        return [self.stacked(self.change), self.stacked(1j * self.change)]
+
+    def linear(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Errors (2n,), their rates (2n, m), and the weights of the robust loss (2n,)."""
+        e = self.error(x)
+        return e, self.rates(x), 1.0 / np.sqrt(1.0 + e**2)
+
+    def starts(self, x: np.ndarray) -> list[list[float]]:
+        """The best fit with one pair more, at each of the deepest dips that it leaves."""
+        left = np.real(self.log_P - _log_response(x, self.w, self.dt)[0])
+        near = np.lib.stride_tricks.sliding_window_view(np.pad(left, 4, mode="edge"), 9)
+        inside = (left == near.min(axis=1)) & (self.w > 2.0 * self.w[0])
+        dips = sorted(np.flatnonzero(inside), key=lambda k: left[k])[:3]
+        pair = np.log(0.02)
+        return [
+            [*x, np.log(self.w[k]), pair, np.log(r), pair] for k in dips for r in (0.1, 0.4, 1.2)
+        ]
 
     @cached_property
     def _errors(self) -> tuple[np.ndarray, np.ndarray]:
         """What noise (k, m) and what is left of friction (2, m) do to the parameters: the sums of
         the squares are variances."""
-        e, G, weight = self.fit.linear(self.x)
-        left = [_step(one, G, weight) for one in self.fit.phases()]
-        return _jackknife(e, G, weight), np.sqrt(0.5) * self.fit.share * np.array(left)
-
-    @property
-    def top(self) -> float:
-        return float(self.fit.w[-1])
+        e, G, weight = self.linear(self.x)
+        left = [_step(one, G, weight) for one in self.phases()]
+        return _jackknife(e, G, weight), np.sqrt(0.5) * self.share * np.array(left)
 
     @property
     def inertia(self) -> tuple[float, tuple[float, float]]:
@@ -382,7 +442,7 @@ class Mechanics:
         return Shape(num, den)
 
     def response(self, w: np.ndarray) -> np.ndarray:
-        return np.exp(_log_response(self.x, w, self.fit.dt)[0])
+        return np.exp(_log_response(self.x, w, self.dt)[0])
 
     def filled(self, run: Run, U: np.ndarray) -> np.ndarray:
         """The spectrum U of a command with the needed torque where the axis stands."""
@@ -398,7 +458,7 @@ class Mechanics:
 
     def radius(self, w: np.ndarray) -> np.ndarray:
         """Of the 95 % disc of the response, as a share of it."""
-        made = np.concatenate(self._errors) @ _log_response(self.x, w, self.fit.dt)[1].T
+        made = np.concatenate(self._errors) @ _log_response(self.x, w, self.dt)[1].T
         return np.sqrt(-np.log(0.05) * np.sum(np.abs(made) ** 2, axis=0))
 
     def modes(self) -> tuple[Mode, ...]:
@@ -412,7 +472,7 @@ class Mechanics:
             made.append(self._mode("antiresonance", a, rate, k + 1))
             rate[k + 2] = r / (1.0 + r)
             made.append(self._mode("resonance", a * (1.0 + r), rate, k + 3))
-        inside = (m for m in made if m.frequency < EDGE * self.top)
+        inside = (m for m in made if m.frequency < EDGE * self.w[-1])
         return tuple(sorted(inside, key=lambda m: m.frequency))
 
     def _mode(self, kind: str, at: float, rate: np.ndarray, damped: int) -> Mode:
@@ -447,77 +507,6 @@ def _log_response(x: np.ndarray, w: np.ndarray, dt: float) -> tuple[np.ndarray, 
     return made, np.array(rates).T
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """The points to fit, and how; ``change`` (n,) is what friction changed log P by, and ``share``
-    how much of that may be left."""
-
-    w: np.ndarray
-    log_P: np.ndarray
-    deviation: np.ndarray
-    change: np.ndarray
-    dt: float
-    J: float
-    share: float = 0.0
-
-    def stacked(self, z: np.ndarray) -> np.ndarray:
-        """Errors of log P (n,), over their deviations, as real numbers (2n,)."""
-        return np.concatenate([np.real(z), np.imag(z)]) / np.tile(self.deviation, 2)
-
-    def error(self, x: np.ndarray) -> np.ndarray:
-        e = _log_response(x, self.w, self.dt)[0] - self.log_P
-        return self.stacked(np.real(e) + 1j * (np.mod(np.imag(e) + np.pi, 2.0 * np.pi) - np.pi))
-
-    def rates(self, x: np.ndarray) -> np.ndarray:
-        g = _log_response(x, self.w, self.dt)[1] / self.deviation[:, None]
-        return np.concatenate([np.real(g), np.imag(g)])
-
-    def bounds(self, pairs: int) -> tuple[np.ndarray, np.ndarray]:
-        low, high, J, dt = self.w[0], self.w[-1], np.log(self.J), self.dt
-        light = np.log(self.J * low)
-        below = [J - 1.5, light - 6.0, -dt, np.log(1e-3 * dt)]
-        above = [J + 1.5, light + 2.0, 20.0 * dt, np.log(10.0 * dt)]
-        below += [np.log(1.5 * low), np.log(1e-3), np.log(0.03), np.log(1e-3)] * pairs
-        above += [np.log(high), np.log(0.5), np.log(6.0), np.log(0.5)] * pairs
-        return np.array(below), np.array(above)
-
-    def solved(self, start: Sequence[float]) -> tuple[float, np.ndarray]:
-        below, above = self.bounds((len(start) - FIXED) // 4)
-        x = np.clip(start, below + 1e-6, above - 1e-6)
-        options = {"jac": self.rates, "bounds": (below, above), "loss": "soft_l1"}
-        found = least_squares(self.error, x, max_nfev=60, x_scale="jac", **options)
-        return float(found.cost), found.x
-
-    def with_friction(self, x: np.ndarray) -> _Fit:
-        """The same with what is left of friction as a part of the deviations."""
-        e, G, weight = self.linear(x)
-        hidden = [one + G @ _step(one, G, weight) for one in self.phases()]
-        seen = 0.5 * sum(float(weight @ one**2) for one in hidden)
-        share = min(np.sqrt(float(weight @ e**2) / seen), 1.0) if seen > 0.0 else 0.0
-        deviation = np.hypot(self.deviation, share * np.abs(self.change))
-        return replace(self, deviation=deviation, share=share)
-
-    def phases(self) -> list[np.ndarray]:
-        """What friction changed, and the same turned by a quarter, as errors (2n,)."""
-        return [self.stacked(self.change), self.stacked(1j * self.change)]
-
-    def linear(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Errors (2n,), their rates (2n, m), and the weights of the robust loss (2n,)."""
-        e = self.error(x)
-        return e, self.rates(x), 1.0 / np.sqrt(1.0 + e**2)
-
-    def starts(self, x: np.ndarray) -> list[list[float]]:
-        """The best fit with one pair more, at each of the deepest dips that it leaves."""
-        left = np.real(self.log_P - _log_response(x, self.w, self.dt)[0])
-        near = np.lib.stride_tricks.sliding_window_view(np.pad(left, 4, mode="edge"), 9)
-        inside = (left == near.min(axis=1)) & (self.w > 2.0 * self.w[0])
-        dips = sorted(np.flatnonzero(inside), key=lambda k: left[k])[:3]
-        pair = np.log(0.02)
-        return [
-            [*x, np.log(self.w[k]), pair, np.log(r), pair] for k in dips for r in (0.1, 0.4, 1.2)
-        ]
-
-
 def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics | None:
     """The model with the number of pairs that BIC prefers; None where too little is seen. ``raw``
     is the response with friction."""
@@ -528,7 +517,7 @@ def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics | None
     deviation = np.maximum(found.sd[at] / np.abs(P), LEAST_DEVIATION)
     low = w <= max(4.0 * w[0], w[min(5, len(w) - 1)])
     J = float(np.median(1.0 / (w[low] * np.abs(P[low]))))
-    fit = _Fit(w, np.log(P), deviation, np.log(raw.P[at] / P), dt, J)
+    fit = Mechanics(w, np.log(P), deviation, np.log(raw.P[at] / P), dt, J)
     best = fit.solved([np.log(J), np.log(0.1 * J * w[0]), dt, np.log(0.2 * dt)])
     chosen, score = best, _bic(best, len(w))
     for _ in range(PAIRS):
@@ -539,7 +528,7 @@ def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics | None
         if _bic(best, len(w)) < score:
             chosen, score = best, _bic(best, len(w))
     fit = fit.with_friction(chosen[1])
-    return Mechanics(fit.solved(chosen[1].tolist())[1], fit)
+    return replace(fit, x=fit.solved(chosen[1].tolist())[1])
 
 
 def _bic(found: tuple[float, np.ndarray], points: int) -> float:

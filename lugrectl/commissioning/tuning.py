@@ -111,7 +111,7 @@ def _discs(found: FrequencyResponse) -> _Measured:
     """The response, or where it is not certain the fitted mechanics if it lies within what is."""
     w, P, sure, body = found.frequency, np.ravel(found.frd.frdata), found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
-    left = 1.0 if body is None else min(WHOLE * body.fit.share, 1.0)
+    left = 1.0 if body is None else min(WHOLE * body.share, 1.0)
     left = left * np.abs(np.ravel(found.raw.frdata) / P - 1.0)
     open_ = np.where(found.governed, np.maximum(open_, left), open_)
     error, miss = np.where(sure, found.high / found.magnitude - 1.0, open_), 0.0
