@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -619,7 +619,8 @@ class Tuning(Result):
         yield from noticed(self.messages, "messages")
 
 
-FEWER, LEAST = 0.7, 1e-4  # shares of the integral action: how they fall, and the last
+FEWER, LEAST = 0.25, 1e-4  # shares of the integral action: how they fall, and the last
+NEARLY = 1.2  # ratio of the one that hunts and the one that does not
 NONE = (
     "no gains keep the distance 1/Ms to -1: the axis is not known well enough, or Ms is too near 1."
 )
@@ -800,14 +801,19 @@ def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
 
 
 def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | None]:
-    """The same with less and less integral action, and at last none, until nothing hunts."""
-    share, cycles = 1.0, None
-    while share and not cycles:
+    """The same with the largest share of the integral action at which nothing hunts."""
+
+    @cache
+    def tried(share: float) -> tuple[Search, Shape, LimitCycles | None]:
+        made = replace(search, share=share)
+        return made, (now := made.placed(shape)), _cycles(made, now)
+
+    share = FEWER
+    while share and not tried(share)[2]:
         share = FEWER * share if FEWER * share > LEAST else 0.0
-        search = replace(search, share=share)
-        shape = search.placed(shape)
-        cycles = _cycles(search, shape)
-    return search, shape, cycles
+    return tried(
+        edge(lambda x: bool(tried(x)[2]), share, share / FEWER, NEARLY)[0] if share else 0.0
+    )
 
 
 def _result(

@@ -16,8 +16,7 @@ import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..blocks.block import Steady
-from ..blocks.drive import dead_times
+from ..blocks.drive import dead_time, dead_times
 from ..core.errors import Diverged, InputError
 from ..core.validation import nearest, positive, whole
 from ..engine.expression.numpy_protocol import TraceError
@@ -528,18 +527,7 @@ def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
     if not delay:
         return Part.of(plant), *logic
     late = {k: k + LATE for k in acting}
-    n, functions = len(late), [_Delay(len(late), moves) for moves in (True, False)]
-    line = ct.nlsys(*functions, inputs=n, outputs=n, states=n * delay, dt=True, name="delay")
     first = replace(Part.of(plant), inputs=tuple(late.get(k, k) for k in plant.input_labels))
-    return first, *logic, Part(line, tuple(late), tuple(late.values()), 0)
-
-
-@dataclass(frozen=True)
-class _Delay(Steady):
-    """n signals in a row of samples: how the row moves on, or what leaves it."""
-
-    n: int
-    moves: bool
-
-    def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
-        return np.concatenate([x[self.n :], u]) if self.moves else x[: self.n]
+    lines = [dead_time(float(delay), 1.0, name=f"delay_{k}") for k in acting]
+    pairs = zip(lines, late.items(), strict=True)
+    return first, *logic, *(Part(line, (k,), (later,), 0) for line, (k, later) in pairs)
