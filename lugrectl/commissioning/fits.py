@@ -34,7 +34,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
@@ -210,27 +210,22 @@ def window(runs: Sequence[Run], centre: float, half: float) -> Window:
     return Window(centre, tuple(parts), np.concatenate(polys), basis)
 
 
-class Spacing(NamedTuple):
-    """Windows as wide to either side as so many bins of the longest run, or as a share of their
-    centre frequency where that is wider, and so many half-widths from one to the next."""
-
-    bins: int
-    share: float
-    step: float = 1.0
-
-
-def windows(runs: Sequence[Run], low: float, high: float, by: Spacing) -> list[Window]:
-    """Return the windows from ``low`` to ``high``, rad/s; a low of 0: from the first whole one."""
-    least, made = by.bins * min(run.w[1] for run in runs), []
+def windows(
+    runs: Sequence[Run], low: float, high: float, bins: int, share: float, step: float = 1.0
+) -> list[Window]:
+    """Return the windows from ``low`` to ``high``, rad/s (0: from the first whole one), as wide to
+    either side as so many bins of the longest run, or a share of their centre frequency where that
+    is wider, and so many half-widths apart."""
+    least, made = bins * min(run.w[1] for run in runs), []
     centre = low or least
     while centre < high:
-        half = max(least, by.share * centre)
+        half = max(least, share * centre)
         made.append(window(runs, centre, half))
-        centre += by.step * half
+        centre += step * half
     return made
 
 
-NARROW = Spacing(12, 0.014)
+NARROW = 12, 0.014  # of a window of the response
 
 
 @dataclass(frozen=True, eq=False)
@@ -554,7 +549,7 @@ def _jackknife(e: np.ndarray, G: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return np.sqrt(1.0 - 1.0 / len(steps)) * np.array(steps)
 
 
-SPACING = Spacing(15, 0.035, 1.4)
+WIDE = 15, 0.035, 1.4  # of a window of friction
 TOP, SHARE = 40.0, 0.2  # Hz, and of the rate: friction is fitted below both, above it is weak
 PASSES = 4  # of weights
 FLOOR = 1e-3  # of the largest residual: no window weighs more
@@ -705,7 +700,7 @@ def problem_of(
     torques: Sequence[np.ndarray],
 ) -> Problem:
     """Pose the problem of the spectra of the commands ``torques``."""
-    every = windows(runs, 0.0, 2.0 * np.pi * min(TOP, SHARE / runs[0].dt), SPACING)
+    every = windows(runs, 0.0, 2.0 * np.pi * min(TOP, SHARE / runs[0].dt), *WIDE)
     moved = [shape.den * run.W for shape, run in zip(shapes, runs, strict=True)]
     driven = [shape.num * U for shape, U in zip(shapes, torques, strict=True)]
     bases = []

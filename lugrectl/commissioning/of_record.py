@@ -275,14 +275,12 @@ SLOW = 10.0  # Hz below which friction is looked for
 NEAR, TENTH = 0.4, 0.1  # so near a mode's frequency so many points must be certain
 VAGUE = 0.1  # of its value: a mode or an inertia less certain than that is not given
 LEAST_RANGE = 0.5  # decades of frequency
-NOWHERE = "the response is certain at no frequency from {:.3g} to {:.3g} Hz, as "
-TOO_LITTLE = (
-    "the log excites the axis too little, or something else moves it (the torque explains at most "
-    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 %): "
+NOWHERE = (
+    "the response is certain at no frequency from {:.3g} to {:.3g} Hz, as friction governs, the "
+    "log excites the axis too little, or something else moves it (the torque explains at most "
+    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 %): record"
 )
-COVERED = "friction governs wherever the torque explains 95 % of the speed: "
-NONE = "No dry friction shows clearly in the log: nothing is taken out."
-ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
+NONE = "No dry friction shows clearly in the log, or the axis never reverses: nothing is taken out."
 
 
 @stamped("lugrectl.frequency_response")
@@ -373,27 +371,17 @@ def frequency_response(
     reverses = any(len(run.strokes[1]) > 1 for run in runs)
     dry = "Fc" in made.friction.values
     found = _answer(runs, dry and reverses, made.motion)
-    said = [*left, *(message for one in records for message in one.messages)]
-    said = [*_verdict(found, dry, reverses), *said]
+    said = [*_verdict(found, dry), *left, *(text for one in records for text in one.messages)]
     return replace(found, messages=tuple(dict.fromkeys(said)))
 
 
-def _refused(r: Response) -> Refused:
-    """Why nothing is certain, and what to record."""
-    f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
-    coherent = float(r.coherence[best])
-    why = COVERED if coherent >= CERTAIN else TOO_LITTLE.format(coherent, f[best])
-    return Refused(NOWHERE.format(f[0], f[-1]) + why + RECORD[0].lower() + RECORD[1:], RECORD)
-
-
-def _verdict(found: FrequencyResponse, dry: bool, reverses: bool) -> list[str]:
+def _verdict(found: FrequencyResponse, dry: bool) -> list[str]:
     """What friction does to the response, how much of it is certain, and what to record."""
-    sure, bad = found.certain, found.governed
+    sure, bad, below = found.certain, found.governed, _slow(found.frequency) / (2.0 * np.pi)
     f, few = found.frequency[bad] / (2.0 * np.pi), sure.mean() < FEW
-    taken, below = dry and reverses and found.friction, _slow(found.frequency) / (2.0 * np.pi)
-    made = [GOOD.format(below, found.correction)] if taken and not len(f) else []
-    made += [BAD.format(len(f), len(bad), f[0], f[-1])] if len(f) else []
-    made += [] if taken or not dry else [NONE if reverses else ONE_WAY]
+    made = [BAD.format(len(f), len(bad), f[0], f[-1])] if len(f) else []
+    made += [GOOD.format(below, found.correction)] if found.friction and not len(f) else []
+    made += [NONE] if dry and not found.friction else []
     made += [THIN.format(sure.sum(), len(sure))] if few else []
     return [*made, *([RECORD] if len(f) or few else [])]
 
@@ -407,7 +395,7 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     dt = runs[0].dt
     longest = max(len(run.u) * run.dt for run in runs)
     ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / dt
-    every = windows(runs, *ends, NARROW)
+    every = windows(runs, *ends, *NARROW)
     stage = _Stage(runs, every, np.array([one.centre for one in every]))
     friction, taken = None, None
     for _ in range(1 + ROUNDS):
@@ -419,13 +407,14 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     governed = _governed(raw, r)
     sure, size = (r.coherence >= CERTAIN) & ~governed, np.abs(r.P)
     if not sure.any():
-        raise _refused(r)
+        f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
+        said = NOWHERE.format(f[0], f[-1], r.coherence[best], f[best]) + RECORD[len("Record") :]
+        raise Refused(said, RECORD)
     mechanics = stage.mechanics if sure.sum() >= FEWEST else None
-    modes, inertia, interval = (), None, None
-    if mechanics is not None:
-        modes, (inertia, interval) = mechanics.modes(), mechanics.inertia
-        if not _narrow(interval):
-            inertia, interval = None, None
+    inertia, interval = (None, None) if mechanics is None else mechanics.inertia
+    if interval is not None and not _narrow(interval):
+        inertia, interval = None, None
+    modes = () if mechanics is None else mechanics.modes()
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
         raw=ct.FrequencyResponseData(raw.P, r.w, dt),

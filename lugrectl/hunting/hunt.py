@@ -726,17 +726,14 @@ def _searched(
     if limit is not None:
         about = {"limit": limit, **about}
     about = {**gains, "J": loop.J, "law": law.name, "model": model.name, **about}
-    said = (*_below(limit, loop), *found.messages, *_of_effects(model))
+    said = (*found.messages, *_of_model(model, loop, limit))
     return replace(found, loop=about, motion=model.motion, messages=said)
 
 
-def _below(limit: float | None, loop: Loop) -> list[str]:
-    Fs = loop.curve.Fs
-    return [] if limit is None or limit > Fs else [BELOW.format(shown(Fs))]
-
-
-def _of_effects(model: Model) -> list[str]:
+def _of_model(model: Model, loop: Loop, limit: float | None) -> list[str]:
+    """What the answer covers."""
     sensors = [p.key for p in model.effects if "sensor" in p.block.acts]
     inside = [p.key for p in model.effects if p.key not in sensors]
+    below = [BELOW.format(shown(loop.curve.Fs))] * (limit is not None and limit <= loop.curve.Fs)
     parts = ((INCLUDED, inside), (LEFT_OUT, sensors))
-    return [text.format(", ".join(keys)) for text, keys in parts if keys]
+    return below + [text.format(", ".join(keys)) for text, keys in parts if keys]

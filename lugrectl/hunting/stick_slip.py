@@ -102,16 +102,13 @@ class Moving:
         return float(brentq(self.growth_at, v[unstable[0]], v[unstable[0] - 1]))  # type: ignore
 
     @cached_property
-    def system(self) -> Any:
+    def blocks(self) -> list[Any]:
         frame = ct.nlsys(
             lambda t, x, u, p: [u[0] - u[1]], lambda t, x, u, p: x, inputs=["w", "v"],
             outputs=["e"], states=["e"], name="frame",
         )  # fmt: skip
         pid = controllers.pid(self.loop.kp, self.loop.ki, self.loop.kd)
-        parts = [plant(self.model), frame, pid]
-        return ct.interconnect(
-            parts, inputs=["v"], outputs=["w", "e"], check_unused=False, name="loop"
-        )
+        return [plant(self.model), frame, pid]
 
     def stuck(self, e: float) -> list[float]:
         """A stick at the error e, or without ki at the torque's, before it breaks away."""
@@ -128,8 +125,9 @@ class Moving:
         span = max(span, WAITS * loop.kp / loop.ki if loop.ki else 0.0)
         t, swing, slowest = np.linspace(0.0, span, POINTS), np.inf, 0.0
         for _ in range(RUN_PARTS):
-            done = quietly(simulate, self.system, t, {"v": v}, state)
-            w, e = np.asarray(done.outputs)[:, POINTS // 5 :]
+            done = quietly(simulate, self.blocks, t, {"v": v}, state)
+            rows = dict(zip(done.output_labels, done.outputs, strict=True))
+            w, e = (rows[k][POINTS // 5 :] for k in "we")
             was, swing, slowest = swing, float(np.ptp(e)), float(w.min())
             if slowest > FAST * v:
                 return None
