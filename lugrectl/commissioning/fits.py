@@ -339,6 +339,12 @@ class Mechanics:
     share: float = 0.0
     x: np.ndarray = field(default_factory=lambda: np.zeros(FIXED))
 
+    @classmethod
+    def unknown(cls, dt: float) -> Mechanics:
+        """Of no points: a torque is in force a sample after its command."""
+        none = np.zeros(0)
+        return cls(none, none, none, none, dt, 0.0, x=np.array([0.0, 0.0, dt, -np.inf]))
+
     def stacked(self, z: np.ndarray) -> np.ndarray:
         """Errors of log P (n,), over their deviations, as real numbers (2n,)."""
         return np.concatenate([np.real(z), np.imag(z)]) / np.tile(self.deviation, 2)
@@ -441,7 +447,7 @@ class Mechanics:
 
     def filled(self, run: Run, U: np.ndarray) -> np.ndarray:
         """The spectrum U of a command with the needed torque where the axis stands."""
-        if not run.stands.any():
+        if not run.stands.any() or not len(self.w):
             return U
         w = run.w[1:]
         force = np.append(1.0, self.advance(w))  # over it: torques in force, each at its own time
@@ -502,12 +508,12 @@ def _log_response(x: np.ndarray, w: np.ndarray, dt: float) -> tuple[np.ndarray, 
     return made, np.array(rates).T
 
 
-def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics | None:
-    """The model with the number of pairs that BIC prefers; None where too little is seen. ``raw``
-    is the response with friction."""
+def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics:
+    """The model with the number of pairs that BIC prefers; unknown where too little is seen.
+    ``raw`` is the response with friction."""
     at = (found.coherence >= SEEN) & np.isfinite(found.P) & (found.P != 0)
     if at.sum() < FEWEST:
-        return None
+        return Mechanics.unknown(dt)
     w, P = found.w[at], found.P[at]
     deviation = np.maximum(found.sd[at] / np.abs(P), LEAST_DEVIATION)
     low = w <= max(4.0 * w[0], w[min(5, len(w) - 1)])

@@ -36,7 +36,6 @@ from .fits import (
     Mode,
     Response,
     Run,
-    Shape,
     Window,
     fit_friction,
     fit_mechanics,
@@ -396,7 +395,7 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     longest = max(len(run.u) * run.dt for run in runs)
     ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / dt
     every = windows(runs, *ends, *NARROW)
-    stage = _Stage(runs, every, np.array([one.centre for one in every]))
+    stage = _Stage(runs, every, np.array([one.centre for one in every]), Mechanics.unknown(dt))
     friction, taken = None, None
     for _ in range(1 + ROUNDS):
         if dry:
@@ -410,7 +409,7 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
         f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
         said = NOWHERE.format(f[0], f[-1], r.coherence[best], f[best]) + RECORD[len("Record") :]
         raise Refused(said, RECORD)
-    mechanics = stage.mechanics if sure.sum() >= FEWEST else None
+    mechanics = stage.mechanics if len(stage.mechanics.w) and sure.sum() >= FEWEST else None
     inertia, interval = (None, None) if mechanics is None else mechanics.inertia
     if interval is not None and not _narrow(interval):
         inertia, interval = None, None
@@ -464,36 +463,24 @@ class _Stage:
     runs: Sequence[Run]
     windows: Sequence[Window]
     w: np.ndarray
-    mechanics: Mechanics | None = None
+    mechanics: Mechanics
 
     def torques(self) -> list[np.ndarray]:
         """The spectra of the commands, less what the known torques cost."""
-        both = zip(self.runs, self.advance(), strict=True)
-        return [run.U - run.spectrum(run.load) * a for run, a in both]
+        advance = self.mechanics.advance
+        return [run.U - run.spectrum(run.load) * advance(run.w) for run in self.runs]
 
     def moving(self) -> list[np.ndarray]:
         """The same with rests filled in."""
-        if (known := self.mechanics) is None:
-            return self.torques()
-        return [known.filled(run, U) for run, U in zip(self.runs, self.torques(), strict=True)]
-
-    def advance(self) -> list[np.ndarray]:
-        """What takes a torque in force to the command; a sample early before more is known."""
-        if self.mechanics is None:
-            return [np.exp(1j * run.w * run.dt) for run in self.runs]
-        return [self.mechanics.advance(run.w) for run in self.runs]
-
-    def shape(self, w: np.ndarray) -> Shape:
-        if self.mechanics is None:
-            return Shape(np.ones(len(w)), np.ones(len(w)))
-        return self.mechanics.shape(w)
+        pairs = zip(self.runs, self.torques(), strict=True)
+        return [self.mechanics.filled(run, U) for run, U in pairs]
 
     def response(self, friction: Sequence[np.ndarray] | None = None) -> Response:
         V = self.torques()
         if friction is not None:
             V = [U - F for U, F in zip(self.moving(), friction, strict=True)]
-        shapes = [self.shape(run.w) for run in self.runs]
-        return local_response(self.runs, self.windows, V, shapes, self.shape(self.w))
+        shapes = [self.mechanics.shape(run.w) for run in self.runs]
+        return local_response(self.runs, self.windows, V, shapes, self.mechanics.shape(self.w))
 
     def knowing(self, found: Response) -> _Stage:
         """The same with the mechanics that a response shows where friction does not govern it."""
@@ -503,13 +490,14 @@ class _Stage:
 
     def friction(self, before: Friction | None) -> Friction:
         """The friction of motor and of load, each where the residual falls clearly with it."""
-        shapes = [self.shape(run.w) for run in self.runs]
-        problem = problem_of(self.runs, self.advance(), shapes, self.moving())
+        advance = [self.mechanics.advance(run.w) for run in self.runs]
+        shapes = [self.mechanics.shape(run.w) for run in self.runs]
+        problem = problem_of(self.runs, advance, shapes, self.moving())
         found = fit_friction(problem, before)
         none = problem.without(found)
         if found.cost > none.cost - SURE:
             found = none
-        if before is None or self.mechanics is None or not len(self.mechanics.pairs):
+        if before is None or not len(self.mechanics.pairs):
             return found
         level = before.levels.get("load Fc") or ON_LOAD * before.levels.get("Fc", 0.0)
         loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]

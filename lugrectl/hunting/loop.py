@@ -5,13 +5,9 @@ J dw/dt = u - F(w), de/dt = w, u = -(kp e + ki int e + kd w). Units: e in Fs/kp,
 in 1/wn = sqrt(J/kp). What is left of the gains is delta = kd/sqrt(kp J) and rho = ki/(kp wn); the
 linear loop is stable iff delta > rho (Routh). Many loops and starts at once are lanes.
 
-From stick to stick: the state of a PID loop in a stick is its error alone.
-
-At rest the error of a stick is constant and u changes by -ki e, so that breakaway is towards zero,
-at |u| = Fs. A stop of the same sign may follow, or a reversal without a stop (|u| > Fs at w = 0).
-The half-turn map T(e) goes from breakaway at e > 0 to the first stick on the other side, which it
-counts positive; it is continuous where stops appear and vanish, which the map from stop to stop is
-not.
+From stick to stick the state is the error alone, as u changes by -ki e until |u| = Fs breaks away
+towards zero. The half-turn map T(e) goes from breakaway at e > 0 to the first stick on the other
+side, which it counts positive; it is continuous where stops appear and vanish.
 
 A slip in the direction of -e, from w = 0 to w = 0, has the state (x, a, y): the error, the speed
 a = -w >= 0, and the excess y = -u - Fs of the torque without damping over breakaway,
@@ -19,8 +15,7 @@ a = -w >= 0, and the excess y = -u - Fs of the torque without damping over break
     dx/dt = -a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x - a.
 
 It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; x is monotone, so that the largest
-error stands at an end. The excess is a state because it keeps its digits where e is small. Dormand
-and Prince, order 5 with an error of order 4; each lane has its own step.
+error stands at an end. Dormand and Prince, order 5; each lane has its own step.
 """
 
 from __future__ import annotations

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-import pickle
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -35,7 +34,6 @@ _FORMS = "a dict of columns, a list of dicts, a structured array or a DataFrame"
 _BLOCK = 32e6  # bytes of results in one task, about
 _MOST = 256  # members in one task
 _ASKED_AHEAD = 16  # number of workers assumed for an executor that does not give it
-_SENT = ("inputs", "reduce")  # functions of the user, which other processes may need
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -258,10 +256,8 @@ def sweep(
         not be picklable. Workers need lugrectl, and a C compiler or numba if this process has one.
     jobs : int
         Without ``executor``: with a C compiler or numba, the number of threads (default: all
-        cores). Without them members run one after the other by default, because Python threads
-        would not run in parallel and new processes would re-run a script without
-        ``if __name__ == "__main__":``; ``jobs`` above 1 starts that many processes. With
-        ``executor``: its number of workers, if it does not give it itself.
+        cores). Without them members run one after the other, because Python threads would not run
+        in parallel. With ``executor``: its number of workers, if it does not give it itself.
     chunk : int
         Members in a task; default by the number of workers and the size of the results.
     progress : callable, True, False or None
@@ -282,8 +278,8 @@ def sweep(
     Raises
     ------
     InputError
-        For a table of unknown form, numbers of members that differ, unknown names, shapes that
-        do not fit, and a function that cannot be sent to a process.
+        For a table of unknown form, numbers of members that differ, unknown names, and shapes
+        that do not fit.
 
     Notes
     -----
@@ -659,21 +655,12 @@ def _shares(
     if plan.engine is None:
         executor, jobs = None, 1
     elif executor is None:
-        jobs = jobs or (min(threads(), os.cpu_count() or 1) if plan.is_free else 1)
+        jobs = (jobs or min(threads(), os.cpu_count() or 1)) if plan.is_free else 1
     workers = jobs or getattr(executor, "_max_workers", None) or _ASKED_AHEAD
-    alone = executor is None and (plan.is_free or jobs == 1)  # in this process
-    for what in () if alone or not isinstance(executor, ProcessPoolExecutor | None) else _SENT:
-        try:
-            pickle.dumps(getattr(plan, what))
-        except Exception as error:
-            raise InputError(
-                f"{what} cannot be sent to another process ({error}); "
-                "define the function at the top of a module."
-            ) from None
     rows = len(plan.keep) + (0 if plan.reduce else len(plan.rows))
     fitting = int(_BLOCK / (8 * len(plan.t) * max(rows, 1)))
     size = max(1, min(fitting, _MOST, -(-count // (4 * workers))))
-    slow = alone and not plan.is_free  # then each member is told
+    slow = executor is None and not plan.is_free  # then each member is told
     return executor, workers, chunk or (1 if slow else size)
 
 
