@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "commissioning": "frequency_response response_plan tune",
+    "commissioning.of_record": "frequency_response response_plan",
+    "commissioning.tuning": "tune",
     "blocks.block": "P",
     "blocks.declaration": "block load_blocks",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
@@ -29,7 +30,9 @@ _HOMES = {
     "blocks.catalogue": "controllers effects laws observers",
     "bench": "Assurance Compensation HuntingChance ObserverComparison Recommendation assure "
     "compare_observers compensate hunting_chance recommend_observer",
-    "hunting": "HuntingMap LimitCycles StickSlip hunting_map limit_cycles stick_slip_speed",
+    "hunting.hunt": "LimitCycles limit_cycles",
+    "hunting.loop": "HuntingMap hunting_map",
+    "hunting.stick_slip": "StickSlip stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
     "diagnosis.balance": "balance",
@@ -118,7 +121,8 @@ if TYPE_CHECKING:
         smith_velocity,
     )
     from .blocks.table import tabulated
-    from .commissioning import frequency_response, response_plan, tune
+    from .commissioning.of_record import frequency_response, response_plan
+    from .commissioning.tuning import tune
     from .core.errors import Diverged, InputError, Refused
     from .design import (
         Certificate,
@@ -135,14 +139,9 @@ if TYPE_CHECKING:
     from .diagnosis.fleet import Fleet, diagnose_each
     from .diagnosis.result import Diagnosis
     from .estimates.findings import Table
-    from .hunting import (
-        HuntingMap,
-        LimitCycles,
-        StickSlip,
-        hunting_map,
-        limit_cycles,
-        stick_slip_speed,
-    )
+    from .hunting.hunt import LimitCycles, limit_cycles
+    from .hunting.loop import HuntingMap, hunting_map
+    from .hunting.stick_slip import StickSlip, stick_slip_speed
     from .linear import (
         DelayedTransfer,
         bandwidth,

@@ -10,7 +10,8 @@ from .bench import (
     Run,
 )
 from .bench import Candidate as RankedObserver
-from .commissioning import FrequencyResponse, ResponsePlan, Tuning
+from .commissioning.of_record import FrequencyResponse, ResponsePlan
+from .commissioning.tuning import Tuning
 from .design import Certificate, Design, Excitation, ObserverDesign
 from .diagnosis.compare_laws import ComparedLaw, LawComparison
 from .diagnosis.diagnose import Identification
@@ -22,7 +23,9 @@ from .estimates.covariance import Joint, Residuals
 from .estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 from .estimates.fitted import Parameter, ParameterTable
 from .estimates.members import Members
-from .hunting import HuntingMap, LimitCycles, StickSlip
+from .hunting.hunt import LimitCycles
+from .hunting.loop import HuntingMap
+from .hunting.stick_slip import StickSlip
 from .linear.band import BandwidthVerdict
 from .linear.designs import DesignChecks
 from .linear.l2 import L2Verdict

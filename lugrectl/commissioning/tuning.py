@@ -34,7 +34,7 @@ from ..core.result import Result, picked
 from ..core.unit_names import unit_for
 from ..core.validation import flag, number, positive
 from ..core.views import view
-from ..hunting import LimitCycles, limit_cycles
+from ..hunting.hunt import LimitCycles, limit_cycles
 from ..hunting.loop import cascade_as_pid, edge
 from ..linear import bandwidth_check, linearize, stability_check
 from ..linear.stability import StabilityVerdict

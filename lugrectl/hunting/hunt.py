@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -366,22 +367,15 @@ def cycles_of(seen: Iterable[Seen]) -> tuple[Cycle, ...]:
     return tuple(group[len(group) // 2] for group in made)
 
 
-@dataclass(frozen=True)
-class Budget:
-    """What is not known at the time ``end`` stays open."""
-
-    end: float
-    report: Callable[[float, str], None]
-
-    def is_over(self) -> bool:
-        return monotonic() > self.end
-
-
 class Search:
-    """Runs from several starts, each as long as it needs within a budget of simulated time."""
+    """Runs from several starts, each as long as it needs within a budget of simulated time; what is
+    not known at the time ``end`` stays open."""
 
-    def __init__(self, run: Run, starts: Iterable[float], budget: Budget) -> None:
-        self.run, self.starts, self.budget = run, sorted(map(float, starts)), budget
+    def __init__(
+        self, run: Run, starts: Iterable[float], end: float, report: Callable[[float, str], None]
+    ) -> None:
+        self.run, self.starts = run, sorted(map(float, starts))
+        self.is_over, self.report = lambda: monotonic() > end, report
         self.small, self.large = SMALLER * self.starts[0], LARGER * self.starts[-1]
         self.passed: list[tuple[float, float]] = []
         self.sure: list[Cycle] = []
@@ -390,7 +384,7 @@ class Search:
         """Cycles and border; ``where`` it starts, with {} for the smallest and the largest."""
         count, falling = len(self.starts), []
         for k, start in enumerate(reversed(self.starts)):
-            self.budget.report(k / count, f"start {k + 1} of {count}")
+            self.report(k / count, f"start {k + 1} of {count}")
             falling.append(self._fate(start))
         seen = self._settled(falling[::-1])
         ends = where.format(*map(shown, (self.starts[0], self.starts[-1])))
@@ -405,7 +399,7 @@ class Search:
     def _fate(self, start: float) -> Seen:
         one = Seen(OPEN)
         for length in LENGTHS:
-            if self.budget.is_over():
+            if self.is_over():
                 return Seen(OPEN)
             try:
                 one = judged(self.run(start, length), self.small, self.large)
@@ -442,7 +436,7 @@ class Search:
         def sleeps(start: float) -> bool:
             return self._fate(start).fate not in AWAKE
 
-        return edge(sleeps, low, high, BORDER, self.budget.is_over)[1]
+        return edge(sleeps, low, high, BORDER, self.is_over)[1]
 
 
 SMALLEST, LARGEST, COUNT = 0.05, 30.0, 14  # units: errors at breakaway from which it starts
@@ -660,24 +654,24 @@ def limit_cycles(
     (True, 'Coulomb and viscous friction')
     """
     end = np.inf if time_limit is None else positive(time_limit, "time_limit", "seconds")
-    budget = Budget(monotonic() + end, reporter(progress))
+    search = partial(Search, end=monotonic() + end, report=reporter(progress))
     if hasattr(loop, "input_labels"):
         given = (kp, ki, kd, kv, rate, counts, limit, vary)
         if dead_time or any(v is not None for v in given):
             raise InputError(
                 "a loop of blocks has its own gains, rate, dead time and limit: give none."
             )
-        found = Search(loop_run(loop, HORIZON), STEPS, budget).answer(STEPPED)
+        found = search(loop_run(loop, HORIZON), STEPS).answer(STEPPED)
         return replace(found, loop={"name": getattr(loop, "name", "")})
     model, gains = as_model(loop), varied(kp, ki, kd, kv)
     most = None if limit is None else positive(limit, "limit", "N m")
     sensing = _sensing(rate, dead_time, counts, model.motion)
     ends = None if vary is None else ranges(vary, "vary")
-    found = _searched(model, gains(), sensing, most, budget)
+    found = _searched(model, gains(), sensing, most, search)
     if ends is None:
         return found
     more = critical(
-        lambda **x: _searched(model, gains(**x), sensing, most, budget).hunts, ends, "hunting"
+        lambda **x: _searched(model, gains(**x), sensing, most, search).hunts, ends, "hunting"
     )
     none = tuple(NOT_GIVEN.format(name) for name in ends if not gains().get(name))
     said = (*more["messages"], *none, *found.messages)
@@ -702,7 +696,7 @@ def _searched(
     gains: Mapping[str, float],
     sensing: Sensing | None,
     limit: float | None,
-    budget: Budget,
+    search: Callable[..., Search],
 ) -> LimitCycles:
     loop, law, about = Loop.of(model, gains), model.friction.block, {}
     dry, where = loop.curve.Fs > 0.0, f"{FROM} {unit_for('rad', model.motion)}"
@@ -716,7 +710,7 @@ def _searched(
         seconds += (WAITS * loop.kp / loop.ki if loop.ki else 0.0) + WAITS / loop.wn
         starts = starts_of(loop, sensing, [c.amplitude for c in rigid.cycles])
         run = model_run(model, loop, sensing, limit, seconds)
-        found = Search(run, starts, budget).answer(where)
+        found = search(run, starts).answer(where)
         if own:
             known = (c for c in rigid.cycles if not c.stable)
             cycles = sorted((*known, *found.cycles), key=lambda c: c.amplitude)

@@ -264,12 +264,13 @@ def critical(hunts: Hunts, vary: Mapping[str, tuple[float, float]], what: str) -
     for name, ends in vary.items():
         changes, first = _changes(cache(lambda v, name=name: hunts(**{name: v})), *ends)
         values[name] = tuple(value for value, _ in changes)
-        where = {True: "every value", False: "no value", None: "no value that is decided"}[first]
         words = [
             f"{'begins' if begins else 'ends'} "
             + (f"at {v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v))
             for v, begins in changes
-        ] or ["neither begins nor ends: it is there at {} from {:g} to {:g}".format(where, *ends)]
+        ]
+        always = {True: "is there", False: "is absent", None: "is undecided"}[first]
+        words = words or ["{} from {:g} to {:g}".format(always, *ends)]
         said.append(f"as {name} rises, {what} {', '.join(words)}")
     return {"critical": values, "messages": tuple(said)}
 

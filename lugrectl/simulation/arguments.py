@@ -158,15 +158,14 @@ def start(name: str, states: int, x0: Any, what: str = "x0") -> np.ndarray:
     A list of parts, one for each block as python-control takes them, must have all states, or end
     with 0; a matrix (a covariance) is taken row by row.
     """
-    x0 = 0.0 if x0 is None else x0
-    ragged = isinstance(x0, (list, tuple)) and len({np.shape(array(p, what)) for p in x0}) > 1
-    if ragged:
-        values = np.concatenate([array(part, what).ravel() for part in x0])
-    else:
-        values = array(x0, what)
-        if values.ndim == 0:
-            values = np.full(states, float(values))
-        values = values.ravel()
+    parts = [
+        array(p, what)
+        for p in (x0 if isinstance(x0, (list, tuple)) else [0.0 if x0 is None else x0])
+    ]
+    values = np.concatenate([part.ravel() for part in parts]) if parts else np.zeros(0)
+    if not isinstance(x0, (list, tuple)) and parts[0].ndim == 0:
+        values = np.full(states, float(values[0]))
+    ragged = len({part.shape for part in parts}) > 1
     short = ragged and len(values) < states and values[-1] != 0.0
     if len(values) > states or short:
         raise InputError(f"{name} has {states} states, {what} has {len(values)}.")

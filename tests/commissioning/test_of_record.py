@@ -13,8 +13,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.commissioning import UncertainResponseWarning
-from lugrectl.commissioning.of_record import unwrapped
+from lugrectl.commissioning.of_record import UncertainResponseWarning, unwrapped
 from lugrectl.linear import AxisAsLoopWarning
 
 J, Fc = 0.02, 0.3
