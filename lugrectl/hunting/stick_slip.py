@@ -320,18 +320,15 @@ def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:
         said = "fast motion does not decay: (kd + Fv) kp > ki J does not hold"
         return StickSlip(np.inf, np.inf, about, messages=(said,), motion=model.motion)
     start, end = moving.first_speed(), moving.last_speed()
-    said = tuple(_said(start, end, *moving.growth))
+    said = tuple(_said(start, end))
     return StickSlip(start, end, about, {}, said, moving.growth, model.motion)
 
 
-def _said(start: float, end: float, v: np.ndarray, growth: np.ndarray) -> Iterator[str]:
+def _said(start: float, end: float) -> Iterator[str]:
     low, high = sorted([start, end])
     between = f"between {number(low)} and {number(high)}" if low else f"below {number(high)}"
     if end > start:
         yield f"{between} a disturbance decides whether it slides or sticks and slips"
     elif start > end:
         yield f"{between} it swings about v without sticking"
-    if start and growth[-1] <= 0.0:
-        rest = v[np.flatnonzero(growth > 0.0)[-1] + 1]
-        yield f"below about {number(rest, 2)} sliding is stable again, against small disturbances"
     yield "speed_end is searched, not proven"
