@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "commissioning": "frequency_response response_plan tune",
+    "commissioning.of_record": "frequency_response response_plan",
+    "commissioning.tuning": "tune",
     "blocks.block": "P",
     "blocks.declaration": "block load_blocks",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
@@ -26,18 +27,18 @@ _HOMES = {
     "coulomb_predictor dual_observer_control repetitive_control repetitive_memory sliding_error "
     "slotine_li smith_velocity",
     "blocks.table": "tabulated",
-    "simulation.bristle_deflection": "deflection",
     "blocks.catalogue": "controllers effects laws observers",
     "bench.assure": "Assurance HuntingChance assure hunting_chance",
     "bench.compensate": "Compensation compensate",
     "bench.observers": "ObserverComparison Recommendation compare_observers recommend_observer",
-    "hunting": "HuntingMap LimitCycles StickSlip hunting_map limit_cycles stick_slip_speed",
+    "hunting.hunt": "LimitCycles limit_cycles",
+    "hunting.loop": "HuntingMap hunting_map",
+    "hunting.stick_slip": "StickSlip stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
     "diagnosis.balance": "balance",
     "diagnosis.diagnose": "diagnose identify",
-    "simulation.sweep": "sweep sweep_chunks",
-    "simulation.sweep_result": "Sweep",
+    "simulation.sweep": "Sweep sweep sweep_chunks",
     "core.errors": "Diverged InputError Refused",
     "diagnosis.fleet": "Fleet diagnose_each",
     "diagnosis.compare_laws": "LawComparison compare_laws",
@@ -45,13 +46,12 @@ _HOMES = {
     "passivity_check position_L position_T position_loop_tf spr_check spr_repair stability_check "
     "velocity_L velocity_T velocity_loop_tf",
     "loops.friction_loops": "cascade_loop late_loop position_loop velocity_loop",
-    "simulation.sampled_response": "simulate_sampled",
     "blocks.model": "Model Parameters read_model table1 write_model",
     "record": "Record read_record",
     "diagnosis.result": "Diagnosis",
     "estimates.findings": "Table",
-    "simulation.sampled_block": "sampled",
-    "simulation.response": "simulate",
+    "simulation.sampled_block": "deflection sampled",
+    "simulation.response": "simulate simulate_sampled",
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -118,7 +118,8 @@ if TYPE_CHECKING:
         smith_velocity,
     )
     from .blocks.table import tabulated
-    from .commissioning import frequency_response, response_plan, tune
+    from .commissioning.of_record import frequency_response, response_plan
+    from .commissioning.tuning import tune
     from .core.errors import Diverged, InputError, Refused
     from .design import (
         Certificate,
@@ -135,14 +136,9 @@ if TYPE_CHECKING:
     from .diagnosis.fleet import Fleet, diagnose_each
     from .diagnosis.result import Diagnosis
     from .estimates.findings import Table
-    from .hunting import (
-        HuntingMap,
-        LimitCycles,
-        StickSlip,
-        hunting_map,
-        limit_cycles,
-        stick_slip_speed,
-    )
+    from .hunting.hunt import LimitCycles, limit_cycles
+    from .hunting.loop import HuntingMap, hunting_map
+    from .hunting.stick_slip import StickSlip, stick_slip_speed
     from .linear import (
         DelayedTransfer,
         bandwidth,
@@ -165,9 +161,6 @@ if TYPE_CHECKING:
     from .loops.friction_loops import cascade_loop, late_loop, position_loop, velocity_loop
     from .paper.equations import PAPER
     from .record import Record, read_record
-    from .simulation.bristle_deflection import deflection
-    from .simulation.response import simulate
-    from .simulation.sampled_block import sampled
-    from .simulation.sampled_response import simulate_sampled
-    from .simulation.sweep import sweep, sweep_chunks
-    from .simulation.sweep_result import Sweep
+    from .simulation.response import simulate, simulate_sampled
+    from .simulation.sampled_block import deflection, sampled
+    from .simulation.sweep import Sweep, sweep, sweep_chunks

@@ -4,7 +4,8 @@ from .bench.assure import Assurance, HuntingChance
 from .bench.compensate import Compensation, Run
 from .bench.observers import Candidate as RankedObserver
 from .bench.observers import Compared, ObserverComparison, Recommendation
-from .commissioning import FrequencyResponse, ResponsePlan, Tuning
+from .commissioning.of_record import FrequencyResponse, ResponsePlan
+from .commissioning.tuning import Tuning
 from .design import Certificate, Design, Excitation, ObserverDesign
 from .diagnosis.compare_laws import ComparedLaw, LawComparison
 from .diagnosis.diagnose import Identification
@@ -16,7 +17,9 @@ from .estimates.covariance import Joint, Residuals
 from .estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 from .estimates.fitted import Parameter, ParameterTable
 from .estimates.members import Members
-from .hunting import HuntingMap, LimitCycles, StickSlip
+from .hunting.hunt import LimitCycles
+from .hunting.loop import HuntingMap
+from .hunting.stick_slip import StickSlip
 from .linear.band import BandwidthVerdict
 from .linear.designs import DesignChecks
 from .linear.l2 import L2Verdict
@@ -24,7 +27,7 @@ from .linear.passivity import PassivityVerdict
 from .linear.spr import Repair, SprVerdict
 from .linear.stability import StabilityVerdict
 from .paper.runs import Reproduction
-from .simulation.sweep_result import Sweep
+from .simulation.sweep import Sweep
 
 __all__ = [
     "Assurance", "Balance", "BandwidthVerdict", "Candidate", "Certificate", "Compared",

@@ -11,7 +11,7 @@ from .rst import escaped, filled, literal, prose, table, title, toctree
 
 TOPICS = {  # topic: the modules whose public names it holds
     "blocks": "blocks.block blocks.declaration blocks.plant blocks.drive "
-    "blocks.table simulation.bristle_deflection",
+    "blocks.table simulation.sampled_block",
     "observers": "blocks.observers bench.observers",
     "controllers": "blocks.controllers blocks.sliding_control",
     "laws": "",
@@ -20,7 +20,7 @@ TOPICS = {  # topic: the modules whose public names it holds
     "checks": "linear design hunting paper",
     "diagnosis": "diagnosis bench commissioning",
     "records": "record blocks.model estimates",
-    "ensembles": "simulation.sweep simulation.sweep_result",
+    "ensembles": "simulation.sweep",
 }
 NAMED = {  # names whose topic is not that of their module
     "observers": "observers",

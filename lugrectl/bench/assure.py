@@ -31,9 +31,9 @@ from ..core.validation import number, positive, share, whole
 from ..core.views import view
 from ..estimates.fitted import Fitted
 from ..estimates.members import Belief, Members, refuse_unknown
-from ..hunting import limit_cycles
+from ..hunting.hunt import limit_cycles
 from ..record import Record
-from ..simulation.encoder import Sensing
+from ..simulation.sampled_block import Sensing
 from .compensate import (
     FASTEST,
     PERIODS,

@@ -35,10 +35,8 @@ from ..loops.friction_loops import MEASURED, OUTPUTS, Control, all_at, connected
 from ..record import Record
 from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise, smallest_step
-from ..simulation.encoder import Sensing, encoder
-from ..simulation.response import simulate
-from ..simulation.sampled_block import at_samples
-from ..simulation.sampled_response import COARSE, simulate_sampled
+from ..simulation.response import COARSE, simulate, simulate_sampled
+from ..simulation.sampled_block import Sensing, at_samples, encoder
 
 SAMPLES = 4000
 LONGEST = 30.0  # s of simulated time

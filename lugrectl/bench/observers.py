@@ -36,8 +36,8 @@ from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.fitted import Fitted
 from ..loops.friction_loops import OUTPUTS, Control, connected, crossing, read_of
 from ..record.as_record import as_record
-from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
+from ..simulation.sampled_block import Sensing, rounded
 from .compensate import (
     FASTEST,
     LUGRE,

@@ -1,15 +1,1 @@
 """The frequency response of an axis with friction taken out, and the gains that it allows."""
-
-from .of_record import FrequencyResponse, UncertainResponseWarning, frequency_response
-from .plan import ResponsePlan, response_plan
-from .tuning import Tuning, tune
-
-__all__ = [
-    "FrequencyResponse",
-    "ResponsePlan",
-    "Tuning",
-    "UncertainResponseWarning",
-    "frequency_response",
-    "response_plan",
-    "tune",
-]

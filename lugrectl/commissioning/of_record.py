@@ -1,8 +1,14 @@
-"""From a log and a model to the frequency response of the axis: friction, response, mechanics, and
-once more with what they say."""
+"""From a log and a model to the frequency response of the axis, and the excitation to record.
+
+Friction, response, mechanics, and once more with what they say. The excitation: jogs that reverse
+keep the axis out of the presliding range and carry the low frequencies; a multisine on the speed
+reference is a torque of the same size at all frequencies above the loop's bandwidth. Both are sized
+by the torque that they cost a speed loop of gain kp on a rigid axis.
+"""
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,14 +22,29 @@ from ..blocks.plant import STAGES, stage
 from ..core.display import Row, between, noticed, number
 from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
-from ..core.result import Result
+from ..core.result import Result, picked, plain
 from ..core.unit_names import unit_for
+from ..core.validation import positive, whole
 from ..core.views import view
 from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
-from .friction import Friction, fit_friction, load_motion, problem_of
-from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
-from .runs import NARROW, Response, Run, Shape, Window, local_response, runs_of, windows
+from .fits import (
+    FEWEST,
+    NARROW,
+    Friction,
+    Mechanics,
+    Mode,
+    Response,
+    Run,
+    Window,
+    fit_friction,
+    fit_mechanics,
+    load_motion,
+    local_response,
+    problem_of,
+    runs_of,
+    windows,
+)
 
 LARGE = 2.0  # dB by which friction changes a response that it governs: no band holds there
 CERTAIN = 0.95  # coherence below which nothing is certain
@@ -169,20 +190,10 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""
         raw = np.asarray(self.raw.frdata)[0, 0]
-        points = ("frequency", "magnitude", "phase", "low", "high", "coherence")
-        return {
-            "schema": 1,
-            **{k: getattr(self, k) for k in points},
-            "raw": {"magnitude": np.abs(raw), "phase": self.raw_phase},
-            **{k: getattr(self, k) for k in ("correction", "governed", "trusted")},
-            "modes": [mode.summary() for mode in self.modes],
-            **{k: getattr(self, k) for k in ("inertia", "inertia_ci95")},
-            "friction": dict(self.friction),
-            "reference": self.reference,
-            "gains": None if self.gains is None else self.gains.summary(),
-            "messages": list(self.messages),
-            "provenance": self.provenance.summary() if self.provenance else None,
-        }
+        names = "frequency magnitude phase low high coherence correction governed trusted modes"
+        names += " inertia inertia_ci95 friction reference gains messages provenance"
+        both = {"magnitude": np.abs(raw), "phase": self.raw_phase}
+        return {"schema": 1, **picked(self, names), "raw": plain(both)}
 
     def _title(self) -> str:
         sure, all_of = int(self.certain.sum()), len(self.frequency)
@@ -215,27 +226,19 @@ def _shown(mode: Mode) -> tuple[str, str, str]:
     return f"{mode.frequency:.4g}", "rad/s", f"{hertz}, damping {mode.damping:.2g}"
 
 
-# What a model knows besides friction and inertia, along the measured motion, to be taken out.
-# Torques of position, speed and time go off the torque; what acts on the torque itself is applied
-# to it; what changes the level of friction scales its terms, and a change of Fv is a torque. A
-# delay or lag of the torque and the lag of a sensor are linear: they stay in the response.
-
 LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
-LEFT = "{} is not taken out: it is no torque of position, speed and time with known values."
-ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
+LEFT = "{} is not taken out: it is no torque of position, speed and time."
 
 
 def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[str]]:
-    """The runs with the effects of a model along them, and what stays in the response, in words;
-    InputError for a value that it leaves open."""
-    parts, said, friction = [], [], model.friction.values
+    """The runs with the effects of a model along the measured motion, and what stays in the
+    response, in words; what is linear stays without a word. InputError for an open value."""
+    parts, said = [], []
     for part in model.effects:
-        needed = [k for act, k in (("+Fc", "Fc"), ("Fv", "Fv")) if act in part.block.acts]
-        stays = bool(part.block.states) or any(p.shared for p in part.block.parameters.values())
-        stays = stays or not {*part.block.acts} <= ACTS
+        shared = any(p.shared for p in part.block.parameters.values())
         if part.block.name in LINEAR:
             continue
-        if stays or any(friction.get(k, 0.0) is None for k in needed):
+        if part.block.states or shared or not {*part.block.acts} <= {"torque", "input"}:
             said.append(LEFT.format(part.key))
             continue
         if missing := [k for k, v in part.values.items() if v is None]:
@@ -245,25 +248,20 @@ def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[st
             )
         parts.append(part)
     parts.sort(key=lambda part: STAGES.index(stage(part.block)))
-    return [_along(run, parts, friction) for run in runs], said
+    return [_along(run, parts) for run in runs], said
 
 
-def _along(run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]) -> Run:
-    """A run with the torque that acts on it, the resisting torque, and the level of friction."""
+def _along(run: Run, parts: Sequence[Part]) -> Run:
+    """A run with the torque that acts on it, and the resisting torque."""
     middle = np.append(0.5 * (run.theta[1:] + run.theta[:-1]), run.theta[-1])
     signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
-    signals["load"], resisting, level = run.load, run.load.copy(), np.ones(len(run.u))
+    resisting = run.load
     for part in parts:
         values = part.block(*(signals[name] for name in part.block.reads), **part.values)
         acts = dict(part.block.deeds(values))
-        if "input" in acts:
-            signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
-        torque, viscous = acts.get("torque", 0.0), friction.get("Fv") or 0.0
-        resisting = resisting + torque + acts.get("Fv", 0.0) * viscous * run.speed
-        if part.block.load:
-            signals["load"] = signals["load"] + torque
-        level = level + acts.get("Fc", 0.0) + acts.get("+Fc", 0.0) / (friction.get("Fc") or np.inf)
-    return replace(run, u=signals["u"], load=resisting, scale=level)
+        signals["u"] = np.broadcast_to(acts.get("input", signals["u"]), run.u.shape)
+        resisting = resisting + acts.get("torque", 0.0)
+    return replace(run, u=signals["u"], load=resisting)
 
 
 HIGHEST = 0.4  # of half the sampling rate
@@ -276,14 +274,12 @@ SLOW = 10.0  # Hz below which friction is looked for
 NEAR, TENTH = 0.4, 0.1  # so near a mode's frequency so many points must be certain
 VAGUE = 0.1  # of its value: a mode or an inertia less certain than that is not given
 LEAST_RANGE = 0.5  # decades of frequency
-NOWHERE = "the response is certain at no frequency from {:.3g} to {:.3g} Hz, as "
-TOO_LITTLE = (
-    "the log excites the axis too little, or something else moves it (the torque explains at most "
-    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 %): "
+NOWHERE = (
+    "the response is certain at no frequency from {:.3g} to {:.3g} Hz, as friction governs, the "
+    "log excites the axis too little, or something else moves it (the torque explains at most "
+    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 %): record"
 )
-COVERED = "friction governs wherever the torque explains 95 % of the speed: "
-NONE = "No dry friction shows clearly in the log: nothing is taken out."
-ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
+NONE = "No dry friction shows clearly in the log, or the axis never reverses: nothing is taken out."
 
 
 @stamped("lugrectl.frequency_response")
@@ -311,7 +307,8 @@ def frequency_response(
         speed, serves as instrument: noise in the loop does not bias the response then.
     model : Model, Parameters, dict or path
         The declared model. The level of friction is fitted; a law without dry friction
-        ("viscous") takes none out. Its other effects are taken out with their values.
+        ("viscous") takes none out. Torques of position, speed and time among its effects are taken
+        out with their values.
     columns, units, scale, rate : optional
         How to read a log, as for :func:`lugrectl.read_record`.
 
@@ -373,27 +370,17 @@ def frequency_response(
     reverses = any(len(run.strokes[1]) > 1 for run in runs)
     dry = "Fc" in made.friction.values
     found = _answer(runs, dry and reverses, made.motion)
-    said = [*left, *(message for one in records for message in one.messages)]
-    said = [*_verdict(found, dry, reverses), *said]
+    said = [*_verdict(found, dry), *left, *(text for one in records for text in one.messages)]
     return replace(found, messages=tuple(dict.fromkeys(said)))
 
 
-def _refused(r: Response) -> Refused:
-    """Why nothing is certain, and what to record."""
-    f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
-    coherent = float(r.coherence[best])
-    why = COVERED if coherent >= CERTAIN else TOO_LITTLE.format(coherent, f[best])
-    return Refused(NOWHERE.format(f[0], f[-1]) + why + RECORD[0].lower() + RECORD[1:], RECORD)
-
-
-def _verdict(found: FrequencyResponse, dry: bool, reverses: bool) -> list[str]:
+def _verdict(found: FrequencyResponse, dry: bool) -> list[str]:
     """What friction does to the response, how much of it is certain, and what to record."""
-    sure, bad = found.certain, found.governed
+    sure, bad, below = found.certain, found.governed, _slow(found.frequency) / (2.0 * np.pi)
     f, few = found.frequency[bad] / (2.0 * np.pi), sure.mean() < FEW
-    taken, below = dry and reverses and found.friction, _slow(found.frequency) / (2.0 * np.pi)
-    made = [GOOD.format(below, found.correction)] if taken and not len(f) else []
-    made += [BAD.format(len(f), len(bad), f[0], f[-1])] if len(f) else []
-    made += [] if taken or not dry else [NONE if reverses else ONE_WAY]
+    made = [BAD.format(len(f), len(bad), f[0], f[-1])] if len(f) else []
+    made += [GOOD.format(below, found.correction)] if found.friction and not len(f) else []
+    made += [NONE] if dry and not found.friction else []
     made += [THIN.format(sure.sum(), len(sure))] if few else []
     return [*made, *([RECORD] if len(f) or few else [])]
 
@@ -407,8 +394,8 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     dt = runs[0].dt
     longest = max(len(run.u) * run.dt for run in runs)
     ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / dt
-    every = windows(runs, *ends, NARROW)
-    stage = _Stage(runs, every, np.array([one.centre for one in every]))
+    every = windows(runs, *ends, *NARROW)
+    stage = _Stage(runs, every, np.array([one.centre for one in every]), Mechanics.unknown(dt))
     friction, taken = None, None
     for _ in range(1 + ROUNDS):
         if dry:
@@ -419,13 +406,14 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     governed = _governed(raw, r)
     sure, size = (r.coherence >= CERTAIN) & ~governed, np.abs(r.P)
     if not sure.any():
-        raise _refused(r)
-    mechanics = stage.mechanics if sure.sum() >= FEWEST else None
-    modes, inertia, interval = (), None, None
-    if mechanics is not None:
-        modes, (inertia, interval) = mechanics.modes(), mechanics.inertia
-        if not _narrow(interval):
-            inertia, interval = None, None
+        f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
+        said = NOWHERE.format(f[0], f[-1], r.coherence[best], f[best]) + RECORD[len("Record") :]
+        raise Refused(said, RECORD)
+    mechanics = stage.mechanics if len(stage.mechanics.w) and sure.sum() >= FEWEST else None
+    inertia, interval = (None, None) if mechanics is None else mechanics.inertia
+    if interval is not None and not _narrow(interval):
+        inertia, interval = None, None
+    modes = () if mechanics is None else mechanics.modes()
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
         raw=ct.FrequencyResponseData(raw.P, r.w, dt),
@@ -475,36 +463,24 @@ class _Stage:
     runs: Sequence[Run]
     windows: Sequence[Window]
     w: np.ndarray
-    mechanics: Mechanics | None = None
+    mechanics: Mechanics
 
     def torques(self) -> list[np.ndarray]:
         """The spectra of the commands, less what the known torques cost."""
-        both = zip(self.runs, self.advance(), strict=True)
-        return [run.U - run.spectrum(run.load) * a for run, a in both]
+        advance = self.mechanics.advance
+        return [run.U - run.spectrum(run.load) * advance(run.w) for run in self.runs]
 
     def moving(self) -> list[np.ndarray]:
         """The same with rests filled in."""
-        if (known := self.mechanics) is None:
-            return self.torques()
-        return [known.filled(run, U) for run, U in zip(self.runs, self.torques(), strict=True)]
-
-    def advance(self) -> list[np.ndarray]:
-        """What takes a torque in force to the command; a sample early before more is known."""
-        if self.mechanics is None:
-            return [np.exp(1j * run.w * run.dt) for run in self.runs]
-        return [self.mechanics.advance(run.w) for run in self.runs]
-
-    def shape(self, w: np.ndarray) -> Shape:
-        if self.mechanics is None:
-            return Shape(np.ones(len(w)), np.ones(len(w)))
-        return self.mechanics.shape(w)
+        pairs = zip(self.runs, self.torques(), strict=True)
+        return [self.mechanics.filled(run, U) for run, U in pairs]
 
     def response(self, friction: Sequence[np.ndarray] | None = None) -> Response:
         V = self.torques()
         if friction is not None:
             V = [U - F for U, F in zip(self.moving(), friction, strict=True)]
-        shapes = [self.shape(run.w) for run in self.runs]
-        return local_response(self.runs, self.windows, V, shapes, self.shape(self.w))
+        shapes = [self.mechanics.shape(run.w) for run in self.runs]
+        return local_response(self.runs, self.windows, V, shapes, self.mechanics.shape(self.w))
 
     def knowing(self, found: Response) -> _Stage:
         """The same with the mechanics that a response shows where friction does not govern it."""
@@ -514,15 +490,180 @@ class _Stage:
 
     def friction(self, before: Friction | None) -> Friction:
         """The friction of motor and of load, each where the residual falls clearly with it."""
-        shapes = [self.shape(run.w) for run in self.runs]
-        problem = problem_of(self.runs, self.advance(), shapes, self.moving())
+        advance = [self.mechanics.advance(run.w) for run in self.runs]
+        shapes = [self.mechanics.shape(run.w) for run in self.runs]
+        problem = problem_of(self.runs, advance, shapes, self.moving())
         found = fit_friction(problem, before)
         none = problem.without(found)
         if found.cost > none.cost - SURE:
             found = none
-        if before is None or self.mechanics is None or not len(self.mechanics.pairs):
+        if before is None or not len(self.mechanics.pairs):
             return found
         level = before.levels.get("load Fc") or ON_LOAD * before.levels.get("Fc", 0.0)
         loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
         both = fit_friction(replace(problem, loads=loads), before)
         return both if both.cost < found.cost - SURE else found
+
+
+PERIOD = 4.0  # s, of the multisine
+TOP_LINE = 0.45  # of the rate, of its lines
+TIMES = 2.0  # Fc, the RMS torque of the multisine
+SINE = 0.5  # of the speed, and of the torque that friction leaves: the multisine's peak at most
+JOGS = 0.6  # of what then remains: a speed loop overshoots
+LENGTHS, PAUSES = (0.25, 0.8), (0.0, 0.3)  # s
+SLOWEST = 0.15  # of the top speed
+STEEP = 0.2  # s of acceleration at most
+REVERSALS = 0.8  # of all moves
+BANDWIDTH = 10.0  # Hz, of the speed loop where its gain is not given
+HOW = (
+    "Give w to the speed loop as its reference; a position loop follows theta, and w is added to "
+    "its output. Log torque, position and w."
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResponsePlan(Result):
+    """The references to play: ``t`` in s, ``w`` of speed with the multisine, ``theta`` of position
+    without it (rad/s and rad, or m/s and m); ``sine`` is the multisine's RMS torque (N m or N) in a
+    speed loop of gain ``kp`` (N m s/rad or N s/m)."""
+
+    t: np.ndarray
+    w: np.ndarray
+    theta: np.ndarray
+    sine: float
+    kp: float
+    motion: str = "rotary"
+
+    def to_csv(self) -> str:
+        """The columns t, w and theta with a header."""
+        angle, speed = (unit_for(unit, self.motion) for unit in ("rad", "rad/s"))
+        made, head = io.StringIO(), f"t [s],w [{speed}],theta [{angle}]"
+        rows = np.column_stack([self.t, self.w, self.theta])
+        np.savetxt(made, rows, "%.9g", ",", header=head, comments="")
+        return made.getvalue()
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        arrays = {"t": self.t, "w": self.w, "theta": self.theta}
+        return {"schema": 1, **arrays, "sine": self.sine, "kp": self.kp}
+
+    def _title(self) -> str:
+        rate = (len(self.t) - 1) / (self.t[-1] - self.t[0])
+        return f"Excitation for a frequency response: {len(self.t) / rate:.3g} s at {rate:.5g} Hz"
+
+    def _rows(self) -> Iterable[Row]:
+        names = ("rad/s", "rad", "N m", "N m s/rad")
+        speed, angle, torque, gain = (unit_for(unit, self.motion) for unit in names)
+        said = f"RMS, in a speed loop of gain {number(self.kp)} {gain}"
+        return [
+            Row("reference", number(float(np.abs(self.w).max())), speed, "at most"),
+            Row("travel", number(float(np.ptp(self.theta))), angle),
+            Row("multisine", number(self.sine), torque, said),
+            *noticed([HOW], "HOW"),
+        ]
+
+
+def response_plan(
+    model: Any,
+    *,
+    rate: float,
+    w: float,
+    u: float,
+    theta: float | None = None,
+    kp: float | None = None,
+    seed: int = 0,
+    duration: float = 30.0,
+) -> ResponsePlan:
+    """The excitation to record for :func:`frequency_response`: reversing jogs and a multisine.
+
+    Parameters
+    ----------
+    model : Model, Parameters, dict or path
+        With J and, where there is dry friction, Fc: rough values will do.
+    rate : float
+        Sampling rate of the references in Hz.
+    w, u : float
+        Largest speed in rad/s (or m/s) and torque in N m (or N).
+    theta : float, optional
+        Largest distance from the start in rad or m; default: none.
+    kp : float, optional
+        Proportional gain of the speed loop, N m s/rad or N s/m. Default: that of 10 Hz bandwidth.
+    seed : int, optional
+        Of lengths, speeds and phases.
+    duration : float, optional
+        In s, at least 10.
+
+    Returns
+    -------
+    ResponsePlan
+        ``t``, ``w`` and ``theta``; ``to_csv()``. The multisine's torque is twice Fc where the
+        limits allow it.
+
+    Raises
+    ------
+    InputError
+        When an argument cannot be meant, J is not declared, or u does not exceed friction.
+
+    Examples
+    --------
+    >>> plan = lg.response_plan(lg.table1(), rate=1000, w=20, u=1)
+    >>> len(plan.t), round(plan.sine, 2), bool(abs(plan.w).max() <= 20)
+    (30000, 0.11, True)
+    """
+    made = as_model(model)
+    rate, w, u = positive(rate, "rate", "Hz"), positive(w, "w"), positive(u, "u")
+    reach = np.inf if theta is None else positive(theta, "theta")
+    g = np.random.default_rng(whole(seed, "seed"))
+    values = made.values()
+    J, Fc = values["J"], values.get("Fc", 0.0)
+    if J is None or Fc is None:
+        missing = "J" if J is None else "Fc"
+        raise InputError(
+            f"{missing} must be declared to size the excitation: a rough value will do."
+        )
+    if u <= Fc:
+        raise InputError(f"u = {u:g} does not exceed Fc = {Fc:g}: the axis would not move.")
+    kp = J * 2.0 * np.pi * BANDWIDTH if kp is None else positive(kp, "kp")
+    n = round(max(positive(duration, "duration", "s"), 10.0) * rate)
+    sine, peak = _multisine(g, n, rate, kp, J)
+    top = float(np.abs(sine).max())
+    most = min(TIMES * Fc if Fc else np.inf, SINE * (u - Fc) / peak, SINE * w / top)
+    steep = JOGS * (u - Fc - most * peak) / J
+    jogs = _jogs(g, n, rate, min(w - most * top, STEEP * steep), steep, reach)
+    both, position = jogs + most * sine, np.cumsum(jogs) / rate
+    return ResponsePlan(np.arange(n) / rate, both, position, most, kp, made.motion)
+
+
+def _multisine(
+    g: np.random.Generator, n: int, rate: float, kp: float, J: float
+) -> tuple[np.ndarray, float]:
+    """A speed reference (n,) that costs a torque of RMS 1, and the peak of that torque."""
+    one = round(PERIOD * rate)
+    lines = int(TOP_LINE * one)
+    X = np.zeros(one // 2 + 1, complex)
+    X[1 : lines + 1] = np.exp(2j * np.pi * g.random(lines))
+    s = 2j * np.pi / PERIOD * np.arange(len(X))
+    torque = np.fft.irfft(X * kp * s / (s + kp / J), one)
+    size = torque.std()
+    repeated = np.resize(np.fft.irfft(X, one) / size, n)
+    return repeated, float(np.abs(torque).max() / size)
+
+
+def _jogs(
+    g: np.random.Generator, n: int, rate: float, top: float, steep: float, reach: float
+) -> np.ndarray:
+    """Speeds (n,) of moves that mostly reverse and stay within reach of the start."""
+    v, k, side, x = np.zeros(n), 0, 1.0, 0.0
+    while k < n:
+        side *= -1.0 if g.random() < REVERSALS else 1.0
+        t = np.arange(round(g.uniform(*LENGTHS) * rate)) / rate
+        size = g.uniform(SLOWEST, 1.0) * top
+        move = np.minimum(size, steep * np.minimum(t, t[-1] - t))
+        far = float(move.sum()) / rate
+        if abs(x + side * far) > reach:  # back, and not too far
+            side = -float(np.sign(x) or side)
+            move *= min(1.0, (reach + abs(x)) / far)
+        v[k : k + len(t)] = side * move[: n - k]
+        x += side * float(move.sum()) / rate
+        k += len(t) + round(g.uniform(*PAUSES) * rate)
+    return v

@@ -1,18 +1,14 @@
 """From a response or a model to the gains of its loop.
 
-What a controller meets is position over torque, with hold, dead time, and how well it is known.
-Each point is a disc of the complex plane. Where the response is certain it is the 95 % disc; where
-it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1), or what
-may be left of friction where that governs. Beyond the last frequency the disc is centred at 0, of
-any phase. The gains are those with the most integral action at which every member of the band
-keeps its distance:
+Each point of the axis, position over torque, is a disc of the complex plane; beyond the last
+frequency it is centred at 0. The gains are those with the most integral action at which every
+member of the band keeps its distance:
 
     L = G (kp + ki I + kd D) N        |1 + L| - |C| radius >= 1/Ms  at all frequencies
 
 A shape is the place of the controller's zeros about its crossover c = kd/J: their geometric mean
 m c and their damping zeta. Of each shape c is raised from far below until the distance is first
-kept no more. Most integral action under a bound on Ms: Astrom, Panagopoulos and Hagglund,
-Automatica 34(5), 1998.
+kept no more.
 """
 
 from __future__ import annotations
@@ -34,18 +30,17 @@ from ..core.display import number as figure
 from ..core.errors import InputError, Refused
 from ..core.option_names import option
 from ..core.provenance import Provenance, stamped
-from ..core.result import Result
+from ..core.result import Result, picked
 from ..core.unit_names import unit_for
 from ..core.validation import flag, number, positive
 from ..core.views import view
-from ..hunting import LimitCycles, limit_cycles
+from ..hunting.hunt import LimitCycles, limit_cycles
 from ..hunting.loop import cascade_as_pid, edge
 from ..linear import bandwidth_check, linearize, stability_check
 from ..linear.stability import StabilityVerdict
 from ..linear.transfer import response
-from .mechanics import Mechanics
+from .fits import Mechanics, hold, point
 from .of_record import LINEAR, UNIT, FrequencyResponse
-from .runs import hold, point
 
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
@@ -116,7 +111,7 @@ def _discs(found: FrequencyResponse) -> _Measured:
     """The response, or where it is not certain the fitted mechanics if it lies within what is."""
     w, P, sure, body = found.frequency, np.ravel(found.frd.frdata), found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
-    left = 1.0 if body is None else min(WHOLE * body.fit.share, 1.0)
+    left = 1.0 if body is None else min(WHOLE * body.share, 1.0)
     left = left * np.abs(np.ravel(found.raw.frdata) / P - 1.0)
     open_ = np.where(found.governed, np.maximum(open_, left), open_)
     error, miss = np.where(sure, found.high / found.magnitude - 1.0, open_), 0.0
@@ -308,18 +303,6 @@ class Gains(NamedTuple):
         return made if notch is None else made * notch.system(dt)
 
 
-class Cascade(NamedTuple):
-    """u = -(kp + ki int)(kv e + w): kv in 1/s, kp in N m s/rad, ki in N m/rad."""
-
-    kv: Any
-    kp: Any
-    ki: Any
-
-    def pid(self, dt: float | None) -> Gains:
-        """The PID that it is; sampled, w is a difference and the integral that of trapezoids."""
-        return Gains(*cascade_as_pid(*self, dt or 0.0))
-
-
 class Shape(NamedTuple):
     """The crossover c in rad/s, and the place of the zeros about it."""
 
@@ -343,18 +326,18 @@ class Search:
     def gains(self, shape: Shape) -> Gains:
         """Those of one shape, or of many."""
         if self.structure != "PID":
-            return self.cascade(shape).pid(self.axis.dt)
+            return Gains(*cascade_as_pid(*self.cascade(shape), self.axis.dt or 0.0))
         kd, turn = self.axis.J * shape.c, shape.mean * shape.c
         return Gains(2.0 * shape.zeta * turn * kd, self.share * kd * turn**2, kd)
 
-    def cascade(self, shape: Shape) -> Cascade:
-        """Of a P-PI; of a PI without the position loop."""
+    def cascade(self, shape: Shape) -> tuple[Any, Any, Any]:
+        """kv, kp, ki of a P-PI; of a PI without the position loop."""
         kp, turn = self.axis.J * shape.c, shape.mean * shape.c
         if self.structure == "PI":
-            return Cascade(0.0, kp, self.share * kp * turn)
+            return 0.0, kp, self.share * kp * turn
         spread = np.sqrt(shape.zeta**2 - 1.0)
         kv, ki = turn * (shape.zeta - spread), kp * turn * (shape.zeta + spread)
-        return Cascade(kv, kp, self.share * ki)
+        return kv, kp, self.share * ki
 
     @cached_property
     def _parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -371,7 +354,7 @@ class Search:
         """Where the answer to the reference first falls below -3 dB, rad/s; inf: beyond the axis
         that is known."""
         g, w, dt = self.gains(shape), self.axis.w[self.axis.known], self.axis.dt
-        kv = self.cascade(shape).kv if self.structure == "P-PI" else 0.0
+        kv = self.cascade(shape)[0] if self.structure == "P-PI" else 0.0
         L, part = self.loop(g), of_reference(self.structure, g, kv, w, dt)
         return float(bandwidth_check(ct.frd(L / (1.0 + L) * part, w)).bandwidth)
 
@@ -594,21 +577,13 @@ class Tuning(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under ``gains`` of ``lugrectl bode --json``."""
-        m = self.margins
-        names = [name for _, name, _ in MARGINS]
+        names = "structure kp ki kd cascade Ti worst bandwidth crossover rate dead_time messages"
+        margins = [key for _, name, _ in MARGINS for key in (name, f"{name}_frequency")]
         return {
-            **{k: getattr(self, k) for k in ("structure", "kp", "ki", "kd")},
-            "cascade": None if self.cascade is None else dict(self.cascade),
-            "Ti": self.Ti,
+            **picked(self, f"{names} limit_cycles"),
+            **picked(self.margins, " ".join(["Ms", *margins])),
             "notch": None if self.notch is None else self.notch._asdict(),
-            "Ms": m.Ms,
-            "worst": self.worst,
-            **{k: getattr(m, k) for k in names},
-            **{f"{k}_frequency": getattr(m, f"{k}_frequency") for k in names},
-            **{k: getattr(self, k) for k in ("bandwidth", "crossover", "rate", "dead_time")},
             "hunts": None if self.limit_cycles is None else self.limit_cycles.hunts,
-            "limit_cycles": None if self.limit_cycles is None else self.limit_cycles.summary(),
-            "messages": list(self.messages),
         }
 
     def _title(self) -> str:
@@ -621,15 +596,13 @@ class Tuning(Result):
         )
 
     def _rows(self) -> Iterable[Row]:
-        pid, speed = ("kp", "ki", "kd"), ("N m s/rad", "N m/rad")
+        pid, speed = {k: getattr(self, k) for k in Gains._fields}, ("N m s/rad", "N m/rad")
         units = speed if self.structure == "PI" else (speed[1], "N m/(rad s)", speed[0])
-        values: Mapping[str, float] = {k: getattr(self, k) for k in pid}
-        if self.cascade:
-            units, values = ("1/s", *speed), self.cascade
-        for (name, value), unit in zip(values.items(), units, strict=False):
+        units = ("1/s", *speed) if self.cascade else units
+        for (name, value), unit in zip((self.cascade or pid).items(), units, strict=False):
             yield Row(name, figure(value), unit_for(unit, self.motion))
         if self.cascade:
-            yield Row("as a PID", ", ".join(f"{k} {getattr(self, k):.4g}" for k in pid))
+            yield Row("as a PID", ", ".join(f"{k} {v:.4g}" for k, v in pid.items()))
         if self.Ti:
             yield Row("Ti", figure(self.Ti), "s")
         if self.notch:
@@ -637,15 +610,12 @@ class Tuning(Result):
         for name, key, unit in MARGINS:
             at = getattr(self.margins, f"{key}_frequency") / (2.0 * np.pi)
             note = f"at {at:.3g} Hz" if np.isfinite(at) else ""
-            if key == "gain_margin":
-                low, high = self.margins.gain_range
-                note += f", stable from {low:.3g} to {high:.3g} times" if note else ""
+            if key == "gain_margin" and note:
+                note += ", stable from {:.3g} to {:.3g} times".format(*self.margins.gain_range)
             yield Row(name, figure(getattr(self.margins, key), 3), unit, note)
         yield Row("worst Ms", figure(self.worst, 3), "", "of every axis in the band")
         if self.limit_cycles is not None:
             yield Row("friction", self.limit_cycles._title())
-        if self.model is not None:
-            yield Row("observer", "what one adds: .observer()")
         yield from noticed(self.messages, "messages")
 
 
@@ -659,14 +629,9 @@ SHORT = (
     "{:.3g} Hz."
 )
 PAID = "The notch allows integral action that is {:.0f} % faster."
-UNPAID = "No notch allows integral action that is 10 % faster."
 QUIETER = (
     "To keep the loop from hunting, the integral action is {:.2g} of what Ms allows: the bandwidth "
     "is {:.3g} Hz in place of {:.3g} Hz."
-)
-PLAIN = (
-    "Any integral action hunts, or may: it is left out, and a load moves the axis by {:.3g} {} a "
-    "{}."
 )
 UNDECIDED = "Whether these gains hunt is not decided: they stay."
 UNSEEN = "Limit cycles were not searched: {}"
@@ -783,17 +748,19 @@ def tune(
     enough = asked is not None and search.bandwidth(shape) >= asked
     if flag(notch, "notch") and made.peaks and not enough:
         search, shape, ratio = search.with_notch(shape)
-        said.append(UNPAID if search.notch is None else PAID.format(100.0 * (ratio - 1.0)))
+        said += [PAID.format(100.0 * (ratio - 1.0))] * bool(search.notch)
     if asked is not None:
         search, shape = _asked(search, shape, asked)
     cycles = None
     try:
         cycles = _cycles(search, shape)
-        if not may_hunt and _outcome(cycles) == "hunts":
-            hunts = search.bandwidth(shape)
+        if not may_hunt and cycles is not None and cycles.outcome == "hunts":
+            before = search.bandwidth(shape)
             search, shape, cycles = _quiet(search, shape)
-            said.append(_quieter(search, shape, hunts))
-        said += [UNDECIDED] if not may_hunt and _outcome(cycles) == "undecided" else []
+            hertz = (x / (2.0 * np.pi) for x in (search.bandwidth(shape), before))
+            said.append(QUIETER.format(search.share, *hertz))
+        if not may_hunt and cycles is not None and cycles.outcome == "undecided":
+            said.append(UNDECIDED)
     except InputError as no:
         if not may_hunt:
             raise
@@ -818,25 +785,19 @@ def _asked(search: Search, shape: Shape, asked: float) -> tuple[Search, Shape]:
 
 def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     """The limit cycles with these gains; None without dry friction, InputError where it is not
-    known. Where a sampled loop stays undecided, hunting in continuous time counts."""
+    known."""
     axis = search.axis
     if axis.model is None:
         raise InputError("whether a loop hunts is a matter of its friction: give model=.")
     if "Fc" not in axis.model.friction.values:
         return None
     model = axis.model if axis.model.J else changed(axis.model, {"J": axis.J}, "model")
-    gains = search.gains(shape)._asdict()
-    given: dict[str, Any] = {k: max(float(v), 0.0) for k, v in gains.items()}
-    if axis.dt is None or not given["ki"]:
-        return limit_cycles(model, **given)
-    found = limit_cycles(model, **given, rate=1.0 / axis.dt, dead_time=axis.dead_time)
-    exact = limit_cycles(model, **given) if found.hunts is None else found
-    return exact if exact.hunts else found
-
-
-def _outcome(found: LimitCycles | None) -> str:
-    """Without dry friction a loop rests."""
-    return "rests" if found is None else found.outcome
+    given: dict[str, Any] = {
+        k: max(float(v), 0.0) for k, v in search.gains(shape)._asdict().items()
+    }
+    if axis.dt is not None and given["ki"]:
+        given |= {"rate": 1.0 / axis.dt, "dead_time": axis.dead_time}
+    return limit_cycles(model, **given)
 
 
 def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | None]:
@@ -845,24 +806,14 @@ def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | N
     @cache
     def tried(share: float) -> tuple[Search, Shape, LimitCycles | None]:
         made = replace(search, share=share)
-        now = made.placed(shape)
-        return made, now, _cycles(made, now)
-
-    def is_quiet(share: float) -> bool:
-        return bool(tried(share)[2])
+        return made, (now := made.placed(shape)), _cycles(made, now)
 
     share = FEWER
-    while share and not is_quiet(share):
+    while share and not tried(share)[2]:
         share = FEWER * share if FEWER * share > LEAST else 0.0
-    return tried(edge(is_quiet, share, share / FEWER, NEARLY)[0] if share else 0.0)
-
-
-def _quieter(search: Search, shape: Shape, before: float) -> str:
-    if search.share:
-        hertz = (x / (2.0 * np.pi) for x in (search.bandwidth(shape), before))
-        return QUIETER.format(search.share, *hertz)
-    turn, force = (unit_for(unit, search.axis.motion) for unit in ("rad", "N m"))
-    return PLAIN.format(1.0 / float(search.gains(shape).kp), turn, force)
+    return tried(
+        edge(lambda x: bool(tried(x)[2]), share, share / FEWER, NEARLY)[0] if share else 0.0
+    )
 
 
 def _result(
@@ -873,13 +824,14 @@ def _result(
     margins = stability_check(loop)
     if not margins:
         raise Refused(f"no gains are certain to be stable: {margins.reason}.", "")
-    pid = search.structure == "PID"
-    parts = None if pid else Cascade(*map(float, search.cascade(shape)))
-    own = Gains(parts.kp, parts.ki, 0.0) if parts and search.structure == "PI" else g
+    cascade = None
+    if search.structure != "PID":
+        cascade = dict(zip(("kv", "kp", "ki"), map(float, search.cascade(shape)), strict=True))
+    own = Gains(cascade["kp"], cascade["ki"], 0.0) if cascade and search.structure == "PI" else g
     return Tuning(
         search.structure,
         *own,
-        cascade=parts._asdict() if parts and search.structure == "P-PI" else None,
+        cascade=cascade if search.structure == "P-PI" else None,
         notch=search.notch,
         margins=margins,
         worst=float(1.0 / search.distance(search.controller(g))[0]),

@@ -9,12 +9,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from time import monotonic
 from typing import Any, NamedTuple
 
-import control as ct
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from ..blocks import controllers
 from ..blocks.drive import dead_time as delayed
@@ -29,10 +28,8 @@ from ..core.result import Result, picked
 from ..core.unit_names import unit_for
 from ..core.validation import number, positive, whole
 from ..core.views import view
-from ..simulation.encoder import Sensing, encoder, rounded
 from ..simulation.response import simulate
-from ..simulation.sampled_block import sampled
-from ..simulation.sampled_response import simulate_sampled
+from ..simulation.sampled_block import Sensing, encoder, rounded, sampled
 from .loop import (
     HIGH,
     LOW,
@@ -40,16 +37,13 @@ from .loop import (
     STICKS,
     Lanes,
     Loop,
-    Turn,
     critical,
     edge,
     excess,
     excess_on,
     half_turn,
-    kept,
     proven,
     ranges,
-    slip,
     varied,
 )
 
@@ -204,17 +198,11 @@ class LimitCycles(Result):
         yield from noticed(self.messages, "messages")
 
 
-POINTS = 140  # of the grid of errors
-DIP = 1.5  # |D| of an extremum between grid points that may reach zero
-PARTS, CUTS = 16, 6  # into which a bracket is cut at a time, and how often
-CLOSE = 1e-4  # |D| at both ends of a bracket that is no longer cut
-ENOUGH = 2  # cuts for a border of rest or growth, which has no root
+POINTS = 300  # of the grid of errors
+PARTS, CUTS = 16, 5  # into which a bracket is cut at a time, and how often
 JUMP = 1e-3  # |D| at the end of the cuts: not a root
 AWAY = 1e-4  # relative distance at which a multiplier is measured
-STARTS, AGAIN = 3, 30  # from which T itself is iterated, and how often
 BEYOND = 10.0  # times the largest start: a swing that grows without bound
-SWINGS, SEEDS = 300, 4  # that are followed, and errors from which no stick followed, at most
-ONE = 1e-3  # relative difference of two amplitudes that are one
 
 
 def rigid_cycles(loop: Loop) -> LimitCycles:
@@ -224,130 +212,67 @@ def rigid_cycles(loop: Loop) -> LimitCycles:
     diverges = not loop.is_stable()
     high = HIGH if diverges else max(HIGH, loop.largest[1])
     lanes = replace(loop.lanes(1), large=BEYOND * high)
-    grid = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
-    D = excess_on(lanes.many(len(grid)), grid)[0]
+    x = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
+    D = excess_on(lanes.many(len(x)), x)[0]
     rests = np.cumprod(D <= -NEVER).sum()  # sticks up to here come to rest at once
-    lanes = replace(lanes, calm=float(grid[rests - 1]) if rests else 0.0)
-    x, D = _closer(lanes, grid, D)
-    roots, jumps = _roots(x, D)
-    cycles = [*_described(loop, lanes, roots), *_swinging(loop, lanes, x[D >= NEVER])]
-    if not any(c.stable for c in cycles) and np.any(D > 0.0) and not diverges:
-        cycles += _persisting(loop, lanes, x, D)
+    lanes = replace(lanes, calm=float(x[rests - 1]) if rests else 0.0)
+    turns, is_root = _turns(lanes, x, D)
+    cycles = tuple(_described(loop, lanes, turns[is_root]))
+    border = None
+    if diverges or any(c.stable for c in cycles):
+        border = 0.0 if D[0] > 0.0 or not len(turns) else float(turns[0]) * loop.unit
     said = ("large motions grow without bound: kd kp > ki J does not hold",) * diverges
-    hunts = diverges or any(c.stable for c in cycles)
-    basin = _border(x, D, [*roots, *jumps]) if hunts else None
-    cycles = tuple(sorted(cycles, key=lambda c: c.amplitude))
-    curve = (x * loop.unit, D)
-    return LimitCycles(cycles, basin and basin * loop.unit, None, diverges, {}, said, curve=curve)
+    return LimitCycles(cycles, border, None, diverges, {}, said, curve=(x * loop.unit, D))
 
 
-def _turns(D: np.ndarray) -> np.ndarray:
-    return (D[:-1] > 0.0) != (D[1:] > 0.0)
+def _turns(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where D changes its sign, and whether by a root or by a jump."""
 
+    def changes(D: np.ndarray) -> np.ndarray:
+        return (D[:-1] > 0.0) != (D[1:] > 0.0)
 
-def _closer(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The grid with more points where D changes its sign, and about an extremum that comes so near
-    to zero that it may cross it between two points."""
-    D, about = D.copy(), np.flatnonzero(_turns(D))
-    about = np.union1d(about, about + 1)
-    if len(about):  # an interpolated end may have the wrong sign
-        D[about] = excess(lanes.many(len(about)), x[about])
-    for k in range(CUTS):
-        size, one = np.abs(D), np.abs(np.diff(np.sign(D[:-1]))) + np.abs(np.diff(np.sign(D[1:])))
-        wide = np.maximum(size[:-1], size[1:])
-        cut = _turns(D) & (wide > CLOSE) & ((wide < NEVER) | (k < ENOUGH))
-        drop = np.maximum(size[:-2], size[2:]) - size[1:-1]
-        dips = (one == 0) & (size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])
-        dips &= (size[1:-1] < drop) | ((k == 0) & (size[1:-1] < DIP))
-        cut[:-1] |= dips
-        cut[1:] |= dips
-        if not cut.any():
-            break
-        new = np.linspace(np.log(x[:-1][cut]), np.log(x[1:][cut]), PARTS + 1)[1:-1].ravel()
-        x, D = np.r_[x, np.exp(new)], np.r_[D, excess(lanes.many(len(new)), np.exp(new))]
-        order = np.argsort(x)
-        x, D = x[order], D[order]
-    return x, D
-
-
-def _roots(x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The roots of D, and where it jumps over zero."""
-    at, place = np.flatnonzero(_turns(D)), np.log(x)
-    Da, Db = D[at], D[at + 1]
-    roots = np.exp(place[at] + (place[at + 1] - place[at]) * Da / (Da - Db))
-    jumps = np.maximum(np.abs(Da), np.abs(Db)) > JUMP
-    return roots[~jumps], roots[jumps]
+    for _ in range(2):  # an interpolated end may have the wrong sign
+        at = np.flatnonzero(changes(D))
+        at = np.union1d(at, at + 1)
+        D[at] = excess(lanes.many(len(at)), x[at]) if len(at) else D[at]
+    at = np.flatnonzero(changes(D))
+    ends, sizes, k = x[[at, at + 1]], D[[at, at + 1]], np.arange(len(at))
+    for _ in range(CUTS if len(at) else 0):
+        cut = np.geomspace(*ends, PARTS + 1)
+        seen = excess(lanes.many(cut.size), cut.ravel()).reshape(cut.shape)
+        first = np.argmax(changes(seen), axis=0)
+        ends, sizes = (row[[first, first + 1], k] for row in (cut, seen))
+    place = ends[0] * (ends[1] / ends[0]) ** (sizes[0] / (sizes[0] - sizes[1]))
+    return place, np.abs(sizes).max(axis=0) <= JUMP
 
 
 def _described(loop: Loop, lanes: Lanes, x: np.ndarray) -> list[Cycle]:
     """The symmetric cycle of each root, two half turns, with its multiplier."""
-    e = np.array([x * (1.0 - AWAY), x, x * (1.0 + AWAY)])
+    e = x * np.array([1.0 - AWAY, 1.0, 1.0 + AWAY])[:, None]
     made = half_turn(lanes.many(e.size), e.ravel())
-    T, sticks, high, low, t, stops = (
-        row.reshape(3, -1)
-        for row in (made.x, made.fate == STICKS, made.high, made.low, made.t, made.stops)
-    )
+    T, sticks = made.x.reshape(e.shape), made.fate.reshape(e.shape) == STICKS
     first, last = np.where(sticks[0], 0, 1), np.where(sticks[2], 2, 1)  # beside a border one does
-    k = np.arange(len(x))
+    k, own = np.arange(len(x)), np.arange(len(x), 2 * len(x))
     slope = (T[last, k] - T[first, k]) / np.maximum(e[last, k] - e[first, k], AWAY * x)
-    size, period = np.maximum(high, low)[1] * loop.unit, 2.0 * t[1] / loop.wn
+    size, period = made.size[own] * loop.unit, 2.0 * made.t[own] / loop.wn
+    rows = zip(size, period, slope.tolist(), made.stops[own], sticks[1], strict=True)
     return [
         Cycle(float(a), float(T), mu**2 < 1.0, (mu**2,), 2 * int(n))
-        for a, T, mu, n, stays in zip(
-            size, period, slope.tolist(), stops[1], sticks[1], strict=True
-        )
+        for a, T, mu, n, stays in rows
         if stays
     ]
 
 
-def _border(x: np.ndarray, D: np.ndarray, places: Sequence[float]) -> float | None:
-    """The smallest error at which D becomes positive; 0 where it is from the first on."""
-    up = np.flatnonzero(D > 0.0)
-    if not len(up) or up[0] == 0:
-        return 0.0 if len(up) else None
-    low, high = x[up[0] - 1], x[up[0]]
-    return next((float(r) for r in places if low <= r <= high), float(high))
-
-
-def _persisting(loop: Loop, lanes: Lanes, x: np.ndarray, D: np.ndarray) -> list[Cycle]:
-    """Hunting that repeats after more than two half turns, or never: T iterated from what its
-    interpolation keeps."""
-    at = kept(x, D)
-    at = np.quantile(at, np.linspace(0.0, 1.0, STARTS)) if len(at) else at
-    made = Turn.begun(at)
-    for _ in range(AGAIN):
-        made = half_turn(lanes.many(len(made.x)), made.x)
-        stays = (made.fate == STICKS) & (made.x > LOW)
-        if not stays.any():
-            return []
-        made = Turn(*(row[stays] for row in vars(made).values()))
-    size = float(np.maximum(made.high, made.low).max())
-    return [Cycle(size * loop.unit, float(2.0 * made.t.mean()) / loop.wn, True)]
-
-
-def _swinging(loop: Loop, lanes: Lanes, x: np.ndarray) -> list[Cycle]:
-    """Swings that never stick and do not grow: at each w = 0 the torque is above Fs. They are
-    followed from some of the errors x from which no stick followed."""
-    x = x[np.unique(np.linspace(0, len(x) - 1, min(SEEDS, len(x))).astype(int))]
-    state, t = np.array([x, 0.0 * x]), 0.0 * x
-    for _ in range(SWINGS if len(x) else 0):
-        end = slip(lanes.many(len(t)), *state)
-        state, t = np.array([-end.x, -2.0 - end.y]), end.t
-        goes = ~end.rests & np.all(state > 0.0, axis=0) & (state[0] < lanes.large)
-        state, t = state[:, goes], t[goes]
-        if not len(t):
-            break
-    made: list[Cycle] = []
-    for k in np.argsort(state[0]):
-        size, period = float(state[0, k]) * loop.unit, 2.0 * float(t[k]) / loop.wn
-        if not made or abs(size / made[-1].amplitude - 1.0) > ONE:
-            made.append(Cycle(size, period, True, (), 0))
-    return made
+def _is_open(rigid: LimitCycles) -> bool:
+    """Whether the map alone does not say what becomes of all starts."""
+    if rigid.curve is None or rigid.diverges:
+        return False
+    D, settles = rigid.curve[1], any(c.stable for c in rigid.cycles)
+    return bool(np.any(D >= NEVER) or (np.any(D > 0.0) and not settles))
 
 
 RESTS, HUNTS, GROWS, OPEN = "rests", "hunts", "grows", "open"
-JOINS = "joins"  # a motion that is known to go on
-AWAKE = (HUNTS, GROWS, JOINS)
+AWAKE = (HUNTS, GROWS)
 VERBS = {
     RESTS: "came to rest",
     HUNTS: "kept swinging",
@@ -385,10 +310,7 @@ class Seen(NamedTuple):
     ``ratio`` that to the third before; ``sure``: it repeats, or has scattered for many turns."""
 
     fate: str
-    amplitude: float = 0.0
-    scatter: float = 0.0
-    period: float = np.inf
-    sides: dict[str, float] = {}
+    cycle: Cycle | None = None
     size: float = np.inf
     ratio: float = 1.0
     sure: bool = True
@@ -407,7 +329,7 @@ def judged(m: Motion, small: float, large: float) -> Seen:
         return seen
     if last <= small:
         return Seen(RESTS)
-    return Seen(GROWS if last > max(large, earlier) else OPEN, size=last, ratio=last / earlier)
+    return Seen(GROWS if last > max(large, earlier) else OPEN, None, last, last / earlier)
 
 
 def _repeating(m: Motion, before: slice, now: slice) -> Seen | None:
@@ -419,10 +341,10 @@ def _repeating(m: Motion, before: slice, now: slice) -> Seen | None:
     drift = abs(size / _half_turns(m.t[before], m.e[before])[0].mean() - 1.0)
     if drift > max(REPEATS, 4.0 * scatter / size / np.sqrt(len(peaks))):
         return None
-    sides = {k: float(_half_turns(m.t[now], y[now])[0].mean()) for k, y in m.sides.items()}
+    sides = [float(_half_turns(m.t[now], y[now])[0].mean()) for y in m.sides.values()]
     sure = scatter <= REPEATS * size or len(peaks) >= MANY
-    period = 2.0 * float(np.diff(times).mean())
-    return Seen(HUNTS, size, scatter, period, sides, size, sure=sure)
+    cycle = Cycle(size, 2.0 * float(np.diff(times).mean()), True, (), None, scatter, *sides)
+    return Seen(HUNTS, cycle, size, sure=sure)
 
 
 def _half_turns(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -435,60 +357,49 @@ def _half_turns(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cycles_of(seen: Iterable[Seen]) -> tuple[Cycle, ...]:
-    made: list[list[Seen]] = []
-    for one in sorted((s for s in seen if s.fate == HUNTS), key=lambda s: s.amplitude):
-        last = made[-1][-1] if made else one
+    """Return the middle one of those that are as large, within their scatter."""
+    made: list[list[Cycle]] = []
+    for one in sorted((s.cycle for s in seen if s.cycle), key=lambda c: c.amplitude):
+        last = made[-1][-1] if made else Cycle(-np.inf, 0.0, True)
         far = one.amplitude - last.amplitude > max(SAME * last.amplitude, 2.0 * last.scatter)
-        made += [[]] if far or not made else []
+        made += [[]] if far else []
         made[-1].append(one)
-    cycles = []
-    for group in made:
-        rows = [(s.amplitude, s.period, s.scatter, *s.sides.values()) for s in group]
-        size, period, scatter, *sides = np.mean(rows, axis=0).tolist()
-        cycles.append(Cycle(size, period, True, (), None, scatter, *sides))
-    return tuple(cycles)
-
-
-@dataclass(frozen=True)
-class Budget:
-    """What is not known at the time ``end`` stays open."""
-
-    end: float
-    report: Callable[[float, str], None]
-
-    def is_over(self) -> bool:
-        return monotonic() > self.end
+    return tuple(group[len(group) // 2] for group in made)
 
 
 class Search:
-    """Runs from several starts, each as long as it needs within a budget of simulated time."""
+    """Runs from several starts, each as long as it needs within a budget of simulated time; what is
+    not known at the time ``end`` stays open."""
 
-    def __init__(self, run: Run, starts: Iterable[float], budget: Budget) -> None:
-        self.run, self.starts, self.budget = run, sorted(map(float, starts)), budget
+    def __init__(
+        self, run: Run, starts: Iterable[float], end: float, report: Callable[[float, str], None]
+    ) -> None:
+        self.run, self.starts = run, sorted(map(float, starts))
+        self.is_over, self.report = lambda: monotonic() > end, report
         self.small, self.large = SMALLER * self.starts[0], LARGER * self.starts[-1]
         self.passed: list[tuple[float, float]] = []
-        self.sure: list[Seen] = []
+        self.sure: list[Cycle] = []
 
     def answer(self, where: str) -> LimitCycles:
         """Cycles and border; ``where`` it starts, with {} for the smallest and the largest."""
         count, falling = len(self.starts), []
         for k, start in enumerate(reversed(self.starts)):
-            self.budget.report(k / count, f"start {k + 1} of {count}")
+            self.report(k / count, f"start {k + 1} of {count}")
             falling.append(self._fate(start))
         seen = self._settled(falling[::-1])
         ends = where.format(*map(shown, (self.starts[0], self.starts[-1])))
-        grows, undecided = (sum(s.fate == fate for s in seen) for fate in (GROWS, OPEN))
-        fates = [HUNTS if s.fate == JOINS else s.fate for s in seen]
+        fates = [s.fate for s in seen]
         every = ", ".join(f"{fates.count(k)} {verb}" for k, verb in VERBS.items() if k in fates)
         said = f"searched by simulation from {count} starts, {ends}, not proven: {every}"
         return LimitCycles(
-            cycles_of(seen), self._border(seen), None, bool(grows), {}, (said,), undecided=undecided
-        )
+            cycles_of(seen), self._border(seen), None, GROWS in fates, {}, (said,),
+            undecided=fates.count(OPEN),
+        )  # fmt: skip
 
     def _fate(self, start: float) -> Seen:
         one = Seen(OPEN)
         for length in LENGTHS:
-            if self.budget.is_over():
+            if self.is_over():
                 return Seen(OPEN)
             try:
                 one = judged(self.run(start, length), self.small, self.large)
@@ -497,26 +408,23 @@ class Search:
             # where another goes on so does this one, if it changes: it is near no cycle of its own
             near = any(a <= one.size <= b for a, b in self.passed)
             if one.fate == OPEN and near and abs(one.ratio - 1.0) > STEADY:
-                one = one._replace(fate=JOINS)
+                one = one._replace(fate=HUNTS)
             # one that scatters as it does has been seen for long
-            seen = any(abs(one.size - s.size) <= 2.0 * s.scatter for s in self.sure)
+            seen = any(abs(one.size - c.amplitude) <= 2.0 * c.scatter for c in self.sure)
             if one.fate != OPEN and (one.sure or seen):
                 break
         if one.fate in AWAKE:
             self.passed.append((min(start, one.size), max(start, one.size)))
-            self.sure += [one] * (one.fate == HUNTS)
+            self.sure += [one.cycle] if one.cycle else []
         return one
 
-    def _settled(self, seen: Sequence[Seen]) -> list[Seen]:
+    def _settled(self, seen: list[Seen]) -> list[Seen]:
         """What still shrinks at the end of the budget, below starts that all rest, rests too."""
-        resting, all_rest, made = 0.0, True, []
-        for start, one in zip(self.starts, seen, strict=True):
+        for k, one in enumerate(seen):
+            resting = self.starts[k - 1] if k and all(s.fate == RESTS for s in seen[:k]) else 0.0
             if one.fate == OPEN and one.ratio < 1.0 and one.size < resting:
-                one = Seen(RESTS)
-            all_rest = all_rest and one.fate == RESTS
-            resting = start if all_rest else resting
-            made.append(one)
-        return made
+                seen[k] = Seen(RESTS)
+        return seen
 
     def _border(self, seen: Sequence[Seen]) -> float | None:
         """The smallest start that does not come to rest; 0 where it is the first."""
@@ -528,7 +436,7 @@ class Search:
         def sleeps(start: float) -> bool:
             return self._fate(start).fate not in AWAKE
 
-        return edge(sleeps, low, high, BORDER, self.budget.is_over)[1]
+        return edge(sleeps, low, high, BORDER, self.is_over)[1]
 
 
 SMALLEST, LARGEST, COUNT = 0.05, 30.0, 14  # units: errors at breakaway from which it starts
@@ -539,79 +447,53 @@ TIMES, MOST = 40_000, 640_000  # of a run in continuous time, and of a longer on
 LOAD = "theta_load"
 
 
-def errors(loop: Loop) -> np.ndarray:
-    reach = loop.largest[1]
-    largest = max(LARGEST, reach) if np.isfinite(reach) else LARGEST
-    return loop.unit * np.geomspace(SMALLEST, largest, COUNT)
-
-
-def sampled_starts(loop: Loop, sensing: Sensing, cycles: list[float]) -> np.ndarray:
-    """Return errors at breakaway, rad, those of cycles too: an error within half a count is rest,
+def starts_of(loop: Loop, sensing: Sensing | None, cycles: list[float]) -> np.ndarray:
+    """Return errors at breakaway, rad, those of cycles too. An error within half a count is rest,
     and over the first counts what becomes of it depends on its place within one."""
-    cells = CELLS * sensing.resolution
-    every = np.r_[errors(loop), cells[cells > SMALLEST * loop.unit], cycles]
-    return np.sort(every[every > 0.5 * sensing.resolution])
+    reach, step = loop.largest[1], 0.0 if sensing is None else sensing.resolution
+    largest = max(LARGEST, reach) if np.isfinite(reach) else LARGEST
+    cells = CELLS * step
+    every = loop.unit * np.geomspace(SMALLEST, largest, COUNT)
+    every = np.r_[every, cells[cells > SMALLEST * loop.unit], cycles]
+    return np.sort(every[every > 0.5 * step])
 
 
-def sampled_run(model: Model, loop: Loop, sensing: Sensing, limit: float | None) -> Run:
-    """Return a run of a sampled PID: from breakaway at an error, for so many times its samples."""
-    body = plant(model, inputs=["u_late", "d"])
-    pid, *limited = _controller(loop, limit, "w_m")
-    drive = [
-        encoder(sensing),
-        controllers.error("position", inputs=["r", "theta_m"]),
-        *(sampled(pid, sensing.dt), *limited),
-        delayed(sensing.delay, sensing.dt, inputs=["u"], outputs=["u_late"]),
-    ]
-    names = [label for block in drive for label in block.state_labels]
-
-    def run(e: float, times: int) -> Motion:
-        length = SAMPLES * times
-        seen = float(rounded(e, sensing.resolution))
-        own = {"last": seen, "q": _integral(loop, seen), "last_e": seen}
-        start = [next((v for k, v in own.items() if n.endswith(k)), 0.0) for n in names]
-        # a swing that locks to a place within a count and ends when it is shaken is no hunting
-        shaken = np.random.default_rng(0).uniform(-SHAKEN, SHAKEN, length) * sensing.resolution
-        t, inputs = sensing.dt * np.arange(length), {"r": 0.0, "n_theta": shaken}
-        x = _at_breakaway(loop, body, e)
-        return _motion(quietly(simulate_sampled, body, drive, t, inputs, x, drive_x0=start))
-
-    return run
-
-
-def _controller(loop: Loop, limit: float | None, speed: str) -> list[ct.NonlinearIOSystem]:
-    gains = (loop.kp, loop.ki, loop.kd)
-    if limit is None:
-        return [controllers.pid(*gains, inputs=["e", speed])]
-    time = controllers.tracking_time(loop.kp, loop.ki, None, "limit_cycles")
-    seen = ["e", speed, "excess"]
-    return [
-        controllers.pid(*gains, tracking=time, inputs=seen, outputs=["u_cmd"]),
-        limiter(limit, inputs=["u_cmd"], outputs=["u", "excess"]),
-    ]
-
-
-def _integral(loop: Loop, e: float) -> float:
-    return (loop.kp * e - loop.curve.Fs) / loop.ki if loop.ki else 0.0
-
-
-def _at_breakaway(loop: Loop, body: Any, e: float) -> list[float]:
-    """The states of a plant that is about to slip from e > 0 towards zero: bristles are bent."""
-    first = {"theta": e, "z": -loop.curve.Fs / body.params.get("plant.sigma0", np.inf)}
-    return [first.get(label, 0.0) for label in body.state_labels]
-
-
-def continuous_run(model: Model, loop: Loop, seconds: float, limit: float | None) -> Run:
-    body = plant(model)
-    seen = ["theta", "u", *(k for k in body.output_labels if k == LOAD)]
-    system = ct.interconnect(
-        [body, controllers.error("position"), *_controller(loop, limit, "w")],
-        inputs=["r"], outputs=seen, params={}, check_unused=False, name="loop",
-    )  # fmt: skip
+def model_run(
+    model: Model, loop: Loop, sensing: Sensing | None, limit: float | None, seconds: float
+) -> Run:
+    """Return a run of a PID from breakaway at an error towards zero: bristles are bent."""
+    speed, gains = "w" if sensing is None else "w_m", (loop.kp, loop.ki, loop.kd)
+    control = [controllers.pid(*gains, inputs=["e", speed])]
+    if limit is not None:
+        back, seen = controllers.tracking_time(*gains[:2], None, "limit_cycles"), ["e", speed]
+        control = [
+            controllers.pid(*gains, tracking=back, inputs=[*seen, "excess"], outputs=["u_cmd"]),
+            limiter(limit, inputs=["u_cmd"], outputs=["u", "excess"]),
+        ]
+    if sensing is None:
+        blocks = [plant(model), controllers.error("position"), *control]
+    else:
+        blocks = [
+            plant(model, inputs=["u_late", "d"]),
+            encoder(sensing),
+            controllers.error("position", inputs=["r", "theta_m"]),
+            sampled(control[0], sensing.dt),
+            *control[1:],
+            delayed(sensing.delay, sensing.dt, inputs=["u"], outputs=["u_late"]),
+        ]
+    labels = [label for block in blocks for label in block.state_labels or ()]
+    bend = loop.curve.Fs / blocks[0].params.get("plant.sigma0", np.inf)
 
     def run(e: float, times: int) -> Motion:
-        start = [*_at_breakaway(loop, body, e), _integral(loop, e)]
-        return _motion(quietly(simulate, system, _times(times, seconds), {"r": 0.0}, start))
+        seen = e if sensing is None else float(rounded(e, sensing.resolution))
+        held = (loop.kp * seen - loop.curve.Fs) / loop.ki if loop.ki else 0.0
+        start = {"theta": e, "z": -bend, "last": seen, "last_e": seen, "q": held}
+        t, inputs = _times(times, seconds), {"r": 0.0}
+        if sensing is not None:
+            # a swing that locks to a place within a count and ends when it is shaken is no hunting
+            t, random = sensing.dt * np.arange(SAMPLES * times), np.random.default_rng(0)
+            inputs["n_theta"] = random.uniform(-SHAKEN, SHAKEN, len(t)) * sensing.resolution
+        return _motion(quietly(simulate, blocks, t, inputs, [start.get(k, 0.0) for k in labels]))
 
     return run
 
@@ -634,11 +516,11 @@ def _times(times: int, seconds: float) -> np.ndarray:
     return np.linspace(0.0, times * seconds, min(TIMES * times, MOST))
 
 
-def quietly(simulated: Any, *given: Any, **more: Any) -> Any:
+def quietly(simulated: Any, *given: Any) -> Any:
     """Return a response without its warnings: a drive that chatters at rest is looked for."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return simulated(*given, **more)
+        return simulated(*given)
 
 
 def _motion(done: Any, r: float = 0.0) -> Motion:
@@ -652,95 +534,6 @@ def _motion(done: Any, r: float = 0.0) -> Motion:
     return Motion(done.time, min(sides.values(), key=lambda y: np.ptp(e - y)), rows["u"], sides)
 
 
-NUDGE = 1e-4  # of a state, by which a slope is measured
-NEWTON, REPEATS_TO = 15, 1e-6  # of Newton, and the relative distance of a half turn that repeats
-RTOL = 1e-9  # of a half turn
-SETTLES = 6  # half turns towards a cycle that attracts
-LONGEST = 400.0  # times kp/ki: the longest half turn
-
-
-class Bristles:
-    """The loop around a law of w with bristles. At e = 0, w < 0 its state is x = (w, I, z, ...):
-    speed, torque of the integral, and the friction's states. The half turn to the next e = 0, with
-    all signs changed, is a map of x; its fixed points are the symmetric cycles, and the eigenvalues
-    of its slope their multipliers of half a turn."""
-
-    def __init__(self, model: Model, loop: Loop) -> None:
-        self.loop, self.law = loop, model.friction.block
-        self.values: dict[str, Any] = self.law.defaults() | dict(model.friction.values)
-        self.bends = np.full(len(self.law.states), loop.curve.Fs / float(self.values["sigma0"]))
-        self.scale = np.r_[loop.speed, loop.curve.Fs, self.bends]
-
-    def rates(self, t: float, state: np.ndarray) -> np.ndarray:
-        F, *dz = self.law(state[1], *state[3:], **self.values)
-        de, dw, dq = self.loop.matrix @ state[:3]
-        return np.array([de, dw - F / self.loop.J, dq, *dz])
-
-    def crossing(self, state: np.ndarray) -> tuple[np.ndarray, float, float] | None:
-        """From a state to x at the next e = 0, with the time and the largest error."""
-        side = np.sign(state[0]) or np.sign(state[1])
-
-        def crossed(t: float, s: np.ndarray) -> float:
-            return s[0] + (side * 1e-9 * self.loop.unit if t == 0.0 else 0.0)
-
-        crossed.terminal, crossed.direction = True, -side  # type: ignore[attr-defined]
-        span = LONGEST * self.loop.kp / self.loop.ki
-        atol = 1e-9 * np.r_[self.loop.unit, self.scale]
-        options: Any = {"events": crossed, "rtol": RTOL, "atol": atol}
-        done = solve_ivp(self.rates, (0.0, span), state, "LSODA", **options)
-        if not len(done.t_events[0]):
-            return None
-        return done.y_events[0][0][1:], float(done.t_events[0][0]), float(np.abs(done.y[0]).max())
-
-    def half(self, x: np.ndarray) -> tuple[np.ndarray, float, float] | None:
-        made = self.crossing(np.r_[0.0, x]) if x[0] < 0.0 else None
-        return None if made is None else (-made[0], *made[1:])
-
-    def from_breakaway(self, e: float, turns: int) -> np.ndarray | None:
-        """The state x so many half turns after the first crossing from breakaway at e > 0."""
-        start = np.r_[e, 0.0, self.loop.kp * e - self.loop.curve.Fs, -self.bends]
-        made = self.crossing(start)
-        for _ in range(turns):
-            made = None if made is None else self.half(made[0])
-        return None if made is None else made[0]
-
-    def cycle(self, x: np.ndarray) -> Cycle | None:
-        """The cycle near x, by Newton."""
-        for _ in range(NEWTON):
-            steps = NUDGE * np.maximum(np.abs(x), 1e-3 * self.scale)
-            made = [one for one in map(self.half, [x, *(x + np.diag(steps))]) if one is not None]
-            if len(made) <= len(x):
-                return None
-            ends, (_, t, size) = np.array([end for end, *_ in made]), made[0]
-            A, missed = (ends[1:] - ends[0]).T / steps, ends[0] - x
-            if np.abs(missed / self.scale).max() < REPEATS_TO * abs(x[0]) / self.scale[0]:
-                turn = np.linalg.eigvals(A) ** 2
-                turn = turn[np.argsort(-np.abs(turn))]
-                return Cycle(size, 2.0 * t, bool(abs(turn[0]) < 1.0), tuple(turn.real.tolist()))
-            step = np.linalg.solve(A - np.eye(len(x)), -missed)
-            x = x + step * min(1.0, 0.5 * abs(x[0]) / (abs(step[0]) + 1e-300))
-        return None
-
-
-def bristle_cycles(
-    model: Model, loop: Loop, rigid: Iterable[Cycle], waited: tuple[Cycle, ...]
-) -> tuple[Cycle, ...]:
-    """Find the cycles that Newton reaches from those of the sliding curve, and from those found by
-    waiting after some half turns; else the latter as they are."""
-    law = model.friction.block
-    bristles = bool(law.states) and law.reads == ("w",) and "sigma0" in model.friction.values
-    if not (loop.ki and bristles) or model.effects:
-        return waited
-    own, found = Bristles(model, loop), list[Cycle]()
-    for start, turns in [*((c, 0) for c in rigid), *((c, SETTLES) for c in waited)]:
-        x = own.from_breakaway(start.amplitude, turns)
-        reached = None if x is None else own.cycle(x)
-        cycle = start if turns and reached is None else reached
-        if cycle and all(abs(cycle.amplitude / c.amplitude - 1.0) > ONE for c in found):
-            found.append(cycle)
-    return tuple(sorted(found, key=lambda c: c.amplitude))
-
-
 HORIZON = 15.0  # s, of the first run of a loop of blocks
 STEPS = np.geomspace(1e-3, 10.0, 9)  # rad, of the reference of a loop of blocks
 WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks away
@@ -750,7 +543,6 @@ FROM = "from errors at breakaway of {} to {}"
 INCLUDED = "at rest, with the effects of the model: {}"
 LEFT_OUT = "at rest, without the effects of the sensors: {}"
 NOT_GIVEN = "what is said of the loop itself is of {} = 0, which is not given"
-ALONE = "with the sliding curve alone, without bristles, the loop would hunt: +-{:.3g}"
 STEPPED = "from steps of r of {} to {} rad"
 
 
@@ -824,11 +616,12 @@ def limit_cycles(
     side. T(e) = e is a symmetric cycle, T(T(e)) = e one with unequal halves; its slope is the
     multiplier of half a turn. D(e) = log(T(e)/e) is followed from 1/1000 of Fs/kp to the largest
     error that friction can keep up (at least 30 Fs/kp): |F - Fv w| is bounded, and so is e, by
-    that bound times the L1 norm of the linear loop from torque to error. Its extrema and sign
-    changes are located, so that unstable cycles are found too. T is then iterated: a loop whose
-    only cycles are unstable, and from which every motion comes to rest, rests. That is every
-    symmetric cycle that sticks, of a drive without states but theta and w, in continuous time;
-    those with unequal halves, and those that never stick, are found where they attract.
+    that bound times the L1 norm of the linear loop from torque to error. Its sign changes are
+    located, so that unstable cycles are found too. That is every symmetric cycle that sticks, of a
+    drive without states but theta and w, in continuous time. Where no stable one is found though D
+    is positive somewhere, or an error grows without a stick, the loop is simulated: cycles with
+    unequal halves, and those that never stick, are found where they attract, and a loop from which
+    every motion comes to rest rests.
 
     Absence is proven for Coulomb and viscous friction if (kd + Fv) kp > ki J (Bisoffi, Da Lio,
     Teel and Zaccarian, Global Asymptotic Stability of a PID Control System With Coulomb Friction,
@@ -836,11 +629,9 @@ def limit_cycles(
     and loops of blocks are simulated from many starts, each for longer and longer until it rests,
     repeats or grows: what persists is a cycle, and nothing is proven. A swing rests, too, once it
     is below a tenth of the smallest start, or at the end of the budget where it still shrinks and
-    is below starts that rest. The border is bisected to 5 %. With bristles, Newton on the state at
-    e = 0 then gives multipliers, and unstable cycles where it reaches them from those of the
-    sliding curve. Counts are shaken by a hundredth, so that a swing that locks to a place within
-    one is no hunting; a swing that scatters may come to rest by chance, and is seen for 300 half
-    turns or the whole budget.
+    is below starts that rest. The border is bisected to 5 %. Counts are shaken by a hundredth, so
+    that a swing that locks to a place within one is no hunting; a swing that scatters may come to
+    rest by chance, and is seen for 300 half turns or the whole budget.
 
     Hunting by Stribeck friction: Olsson and Astrom, Friction Generated Limit Cycles, IEEE Trans.
     Control Systems Technology 9(4), 2001; Hensen, van de Molengraft and Steinbuch, Friction
@@ -863,24 +654,24 @@ def limit_cycles(
     (True, 'Coulomb and viscous friction')
     """
     end = np.inf if time_limit is None else positive(time_limit, "time_limit", "seconds")
-    budget = Budget(monotonic() + end, reporter(progress))
+    search = partial(Search, end=monotonic() + end, report=reporter(progress))
     if hasattr(loop, "input_labels"):
         given = (kp, ki, kd, kv, rate, counts, limit, vary)
         if dead_time or any(v is not None for v in given):
             raise InputError(
                 "a loop of blocks has its own gains, rate, dead time and limit: give none."
             )
-        found = Search(loop_run(loop, HORIZON), STEPS, budget).answer(STEPPED)
+        found = search(loop_run(loop, HORIZON), STEPS).answer(STEPPED)
         return replace(found, loop={"name": getattr(loop, "name", "")})
     model, gains = as_model(loop), varied(kp, ki, kd, kv)
     most = None if limit is None else positive(limit, "limit", "N m")
     sensing = _sensing(rate, dead_time, counts, model.motion)
     ends = None if vary is None else ranges(vary, "vary")
-    found = _searched(model, gains(), sensing, most, budget)
+    found = _searched(model, gains(), sensing, most, search)
     if ends is None:
         return found
     more = critical(
-        lambda **x: _searched(model, gains(**x), sensing, most, budget).hunts, ends, "hunting"
+        lambda **x: _searched(model, gains(**x), sensing, most, search).hunts, ends, "hunting"
     )
     none = tuple(NOT_GIVEN.format(name) for name in ends if not gains().get(name))
     said = (*more["messages"], *none, *found.messages)
@@ -905,44 +696,38 @@ def _searched(
     gains: Mapping[str, float],
     sensing: Sensing | None,
     limit: float | None,
-    budget: Budget,
+    search: Callable[..., Search],
 ) -> LimitCycles:
-    loop, law = Loop.of(model, gains), model.friction.block
-    dry, about = loop.curve.Fs > 0.0, {}
+    loop, law, about = Loop.of(model, gains), model.friction.block, {}
+    dry, where = loop.curve.Fs > 0.0, f"{FROM} {unit_for('rad', model.motion)}"
     found = rigid = rigid_cycles(loop) if dry else LimitCycles((), None, None, False, {})
-    sizes, where = [c.amplitude for c in rigid.cycles], f"{FROM} {unit_for('rad', model.motion)}"
     if sensing is not None:
-        starts = sampled_starts(loop, sensing, sizes)
-        found = Search(sampled_run(model, loop, sensing, limit), starts, budget).answer(where)
         about = {"rate": 1.0 / sensing.dt, "dead_time": sensing.delay}
         about |= {"resolution": sensing.resolution}
-    elif not dry or law.states or model.effects or limit is not None:
+    own = dry and not law.states and not model.effects and sensing is None and limit is None
+    if not own or _is_open(rigid):
         seconds = max([PERIODS * c.period for c in rigid.cycles], default=0.0)
         seconds += (WAITS * loop.kp / loop.ki if loop.ki else 0.0) + WAITS / loop.wn
-        run, starts = continuous_run(model, loop, seconds, limit), np.r_[sizes, errors(loop)]
-        found = Search(run, starts, budget).answer(where)
-        if limit is None:
-            cycles = bristle_cycles(model, loop, rigid.cycles, found.cycles)
-            found = replace(found, cycles=cycles)
-        stable = [c.amplitude for c in rigid.cycles if c.stable]
-        if rigid.diverges and limit is None:
+        starts = starts_of(loop, sensing, [c.amplitude for c in rigid.cycles])
+        run = model_run(model, loop, sensing, limit, seconds)
+        found = search(run, starts).answer(where)
+        if own:
+            known = (c for c in rigid.cycles if not c.stable)
+            cycles = sorted((*known, *found.cycles), key=lambda c: c.amplitude)
+            found = replace(found, cycles=tuple(cycles), curve=rigid.curve)
+        elif rigid.diverges and sensing is None and limit is None:
             found = replace(found, diverges=True, messages=found.messages + rigid.messages)
-        elif stable and not any(c.stable for c in found.cycles):
-            found = replace(found, messages=(*found.messages, ALONE.format(max(stable))))
     if limit is not None:
         about = {"limit": limit, **about}
     about = {**gains, "J": loop.J, "law": law.name, "model": model.name, **about}
-    said = (*_below(limit, loop), *found.messages, *_of_effects(model))
+    said = (*found.messages, *_of_model(model, loop, limit))
     return replace(found, loop=about, motion=model.motion, messages=said)
 
 
-def _below(limit: float | None, loop: Loop) -> list[str]:
-    Fs = loop.curve.Fs
-    return [] if limit is None or limit > Fs else [BELOW.format(shown(Fs))]
-
-
-def _of_effects(model: Model) -> list[str]:
+def _of_model(model: Model, loop: Loop, limit: float | None) -> list[str]:
+    """What the answer covers."""
     sensors = [p.key for p in model.effects if "sensor" in p.block.acts]
     inside = [p.key for p in model.effects if p.key not in sensors]
+    below = [BELOW.format(shown(loop.curve.Fs))] * (limit is not None and limit <= loop.curve.Fs)
     parts = ((INCLUDED, inside), (LEFT_OUT, sensors))
-    return [text.format(", ".join(keys)) for text, keys in parts if keys]
+    return below + [text.format(", ".join(keys)) for text, keys in parts if keys]

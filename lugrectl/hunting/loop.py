@@ -5,13 +5,9 @@ J dw/dt = u - F(w), de/dt = w, u = -(kp e + ki int e + kd w). Units: e in Fs/kp,
 in 1/wn = sqrt(J/kp). What is left of the gains is delta = kd/sqrt(kp J) and rho = ki/(kp wn); the
 linear loop is stable iff delta > rho (Routh). Many loops and starts at once are lanes.
 
-From stick to stick: the state of a PID loop in a stick is its error alone.
-
-At rest the error of a stick is constant and u changes by -ki e, so that breakaway is towards zero,
-at |u| = Fs. A stop of the same sign may follow, or a reversal without a stop (|u| > Fs at w = 0).
-The half-turn map T(e) goes from breakaway at e > 0 to the first stick on the other side, which it
-counts positive; it is continuous where stops appear and vanish, which the map from stop to stop is
-not.
+From stick to stick the state is the error alone, as u changes by -ki e until |u| = Fs breaks away
+towards zero. The half-turn map T(e) goes from breakaway at e > 0 to the first stick on the other
+side, which it counts positive; it is continuous where stops appear and vanish.
 
 A slip in the direction of -e, from w = 0 to w = 0, has the state (x, a, y): the error, the speed
 a = -w >= 0, and the excess y = -u - Fs of the torque without damping over breakaway,
@@ -19,31 +15,33 @@ a = -w >= 0, and the excess y = -u - Fs of the torque without damping over break
     dx/dt = -a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x - a.
 
 It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; x is monotone, so that the largest
-error stands at an end. The excess is a state because it keeps its digits where e is small. Dormand
-and Prince, order 5 with an error of order 4; each lane has its own step.
+error stands at an end. Dormand and Prince, order 5; each lane has its own step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import RK45
-from scipy.linalg import expm
 
 from ..blocks.friction import free_level, level
-from ..blocks.model import Model
+from ..blocks.model import Model, as_model
+from ..core.display import Row
 from ..core.errors import InputError
-from ..core.validation import number, positive, shown
+from ..core.result import Result, picked
+from ..core.validation import number, positive, shown, whole
+from ..core.views import view
 
 REST = 1e-12  # rad/s, where a curve is read for a speed of 0: its limit, not the sign of 0
 SHARP = 1e-15  # rad/s, the width of a smooth sign: far below REST
 PROBED = np.geomspace(1e-6, 1e3, 200)  # speeds in rad/s at which a curve is compared with a line
 STRAIGHT = 1e-9  # of Fs, by which a straight curve may differ from its line
-STEP, PER_OCTAVE, ENOUGH = 0.05, 100, 1e-3  # of an L1 norm: units of time, steps, relative tail
+EARLY, LATE, TIMES = 1e-3, 15.0, 20_000  # of an L1 norm: in 1/wn, in the slowest decay, how many
+SLOW = 1e-12  # of wn: a rate of 0, of an integral that is not used
 
 
 @dataclass(frozen=True)
@@ -172,22 +170,14 @@ class Loop:
         inf where fast motion grows."""
         if not self.is_stable():
             return np.inf, np.inf
-        # |F - Fv w| is bounded: that bound times the L1 norm from torque to each of the linear
-        # loop, a sum over steps that double as motion gets slower
-        own = self.matrix.copy()
+        # |F - Fv w| is bounded: that bound times the L1 norm from torque to each
+        own, torque = self.matrix.copy(), np.array([0.0, 1.0 / self.J, 0.0])
         own[1, 1] -= self.curve.viscous / self.J
-        step = STEP / self.wn
-        M: Any = expm(step * own)
-        x: Any = np.array([0.0, 1.0 / self.J, 0.0])
-        total: Any = np.zeros(2)
-        last: Any = total + np.inf
-        while np.any(last > ENOUGH * total):
-            last = np.zeros(2)
-            for _ in range(PER_OCTAVE):
-                x = M @ x
-                last += step * np.abs(x[:2])
-            total, M, step = total + last, M @ M, 2.0 * step
-        error, speed = total * self.curve.most / self.unit
+        rates, V = np.linalg.eig(own)
+        slowest = np.abs(rates.real)[np.abs(rates) > SLOW * self.wn].min()
+        t = np.r_[0.0, np.geomspace(EARLY / self.wn, LATE / slowest, TIMES)]
+        made = (V[:2] * np.linalg.solve(V, torque + 0j)) @ np.exp(np.outer(rates, t))
+        error, speed = np.trapezoid(np.abs(made.real), t) * self.curve.most / self.unit
         return float(speed / self.wn), float(error)
 
 
@@ -274,12 +264,13 @@ def critical(hunts: Hunts, vary: Mapping[str, tuple[float, float]], what: str) -
     for name, ends in vary.items():
         changes, first = _changes(cache(lambda v, name=name: hunts(**{name: v})), *ends)
         values[name] = tuple(value for value, _ in changes)
-        where = {True: "every value", False: "no value", None: "no value that is decided"}[first]
         words = [
             f"{'begins' if begins else 'ends'} "
             + (f"at {v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v))
             for v, begins in changes
-        ] or ["neither begins nor ends: it is there at {} from {:g} to {:g}".format(where, *ends)]
+        ]
+        always = {True: "is there", False: "is absent", None: "is undecided"}[first]
+        words = words or ["{} from {:g} to {:g}".format(always, *ends)]
         said.append(f"as {name} rises, {what} {', '.join(words)}")
     return {"critical": values, "messages": tuple(said)}
 
@@ -305,11 +296,9 @@ def _changes(
 
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
-SLIP_STEPS = 4000  # of one slip; a longer one creeps
-LOOK = 40  # steps, after which it is looked for creeping
-NEARLY = 0.02  # relative difference of a creeping speed from rho x
-SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
+SLIP_STEPS = 1500  # of one slip; a longer one creeps, and comes to rest
 FIRST = 1e-3  # the first step
+NEWTON, STOPPED = 20, 1e-15  # steps to the end of a slip, and a speed of 0
 A = np.vstack([np.pad(RK45.A[1:], ((0, 0), (0, 1))), RK45.B])  # stages, the last the new state
 LOW, HIGH = 1e-3, 30.0  # units: errors at which T is looked at, and beyond while friction can
 ROUNDS, NEAR = 300, 10.0  # of T, interpolated; |D| of a half turn that neither rests nor grows
@@ -345,7 +334,7 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     small, last = SMALL * np.minimum(1.0, np.abs(x)), step.copy()  # the step in which a lane stops
     rests, active = np.zeros(len(x), bool), np.arange(len(x))
     own, now, slope = lanes, state.copy(), _rates(lanes, state)
-    for k in range(1, SLIP_STEPS + 1):
+    for _ in range(SLIP_STEPS):
         new, slopes = _stepped(own, now, step, slope)
         missed = step * (RK45.E @ slopes.reshape(7, -1)).reshape(now.shape)
         size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
@@ -353,8 +342,6 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
         good = worst <= 1.0
         stops = good & (new[1] <= 0.0)
         crept = good & (np.abs(new[0]) < small[active]) & (new[1] < small[active])
-        if k % LOOK == 0:
-            crept |= good & ~stops & _creeps(own, new, slopes[-1])
         goes = good & ~stops & ~crept
         t[active[goes]] += step[goes]
         last[active[stops]], state[:, active[stops]] = step[stops], now[:, stops]
@@ -389,33 +376,14 @@ def _stepped(
     return new, slopes
 
 
-def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Whether the torque follows friction that grows with the speed: x decays, without a stop."""
-    x, a, _ = state  # then y and a hardly change, a = rho x, and the same holds at lower speeds
-    follows = (x > 0.0) & (np.abs(slope[2]) < NEARLY * lanes.rho * np.abs(x))
-    follows &= np.abs(slope[1] + lanes.rho * a) < NEARLY * lanes.rho * a
-    if not follows.any():
-        return follows
-    damped = SLOWER * lanes.delta * a - np.array([lanes.drop(s * a) for s in SLOWER[:, 0]])
-    return follows & np.all(damped[:-1] > damped[1:], axis=0) & (damped[-1] > 0.0)
-
-
 def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The end a = 0 within the last step, by the method of Illinois on its length."""
-    slope, low, high = _rates(lanes, state), np.zeros_like(h), h.copy()
-    at_low, new = state[1].copy(), _stepped(lanes, state, h, slope)[0]
-    at_high = new[1].copy()
-    for k in range(60):
-        gap = at_low - at_high
-        part = np.where((gap > 0.0) & (k % 4 < 3), at_low / np.where(gap > 0.0, gap, 1.0), 0.5)
-        tried = low + (high - low) * np.where((part > 0.0) & (part < 1.0), part, 0.5)
-        new = _stepped(lanes, state, tried, slope)[0]
-        ahead = new[1] > 0.0
-        at_high = np.where(ahead, 0.5 * at_high, new[1])
-        at_low = np.where(ahead, new[1], 0.5 * at_low)
-        low, high = np.where(ahead, tried, low), np.where(ahead, high, tried)
-        if np.all((high - low <= 1e-13 * h) | (np.abs(new[1]) <= 1e-15)):
+    """The end a = 0 within the last step, by Newton's method."""
+    slope, tried, new = _rates(lanes, state), h, state
+    for _ in range(NEWTON):
+        new, slopes = _stepped(lanes, state, tried, slope)
+        if np.all(np.abs(new[1]) <= STOPPED):
             break
+        tried = np.clip(tried - new[1] / np.minimum(slopes[-1][1], -STOPPED), 0.0, h)
     return new, tried
 
 
@@ -430,25 +398,18 @@ NEVER = 50.0  # the excess of what rests (negative) or never sticks
 @dataclass
 class Turn:
     """What happened up to the next stick of each lane: its error ``x`` (units), signed for a stop
-    and positive for a half turn; ``t`` with the wait for breakaway; ``high`` and ``low``, the
-    largest errors on the side of the start and on the other."""
+    and positive for a half turn; ``t`` with the wait for breakaway; ``size``, the largest error."""
 
     x: np.ndarray
     t: np.ndarray
-    high: np.ndarray
-    low: np.ndarray
+    size: np.ndarray
     stops: np.ndarray
     fate: np.ndarray
 
     @classmethod
     def begun(cls, x: np.ndarray) -> Turn:
         stops, fate = np.zeros((2, len(x)), int)
-        return cls(x.copy(), np.zeros(len(x)), x.copy(), 0.0 * x, stops, fate)
-
-    def reach(self, lanes: np.ndarray, high: np.ndarray, low: np.ndarray) -> None:
-        """Note errors that some lanes reached on either side."""
-        self.high[lanes] = np.maximum(self.high[lanes], high)
-        self.low[lanes] = np.maximum(self.low[lanes], low)
+        return cls(x.copy(), np.zeros(len(x)), x.copy(), stops, fate)
 
 
 def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
@@ -459,7 +420,7 @@ def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
         own = lanes[active]
         end = slip(own, at, excess)
         made.x[active] = side * end.x
-        made.reach(active, side * end.x, -side * end.x)
+        made.size[active] = np.maximum(made.size[active], np.abs(end.x))
         ahead, over = -end.x, -2.0 - end.y
         fate = np.where(end.rests, RESTS, np.where(over <= 0.0, STICKS, SWINGS))
         wait = np.where(end.x > 0.0, -end.y, -over) / (own.rho * np.abs(end.x) + 1e-300)
@@ -482,7 +443,7 @@ def half_turn(lanes: Lanes, x: np.ndarray) -> Turn:
     for _ in range(STOPS):
         one = next_stick(lanes[active], at)
         made.t[active] += one.t
-        made.reach(active, one.high, one.low)
+        made.size[active] = np.maximum(made.size[active], one.size)
         made.stops[active] += one.fate == STICKS
         made.fate[active], made.x[active] = one.fate, np.abs(one.x)
         stays = (one.fate == STICKS) & (one.x > 0.0)
@@ -536,3 +497,212 @@ def kept(x: np.ndarray, D: np.ndarray) -> np.ndarray:
         growth = np.interp(at, place, D)
         at = (at + growth)[(np.abs(growth) < NEAR) & (at + growth > np.log(LOW))]
     return np.exp(at)
+
+
+ERRORS = np.geomspace(LOW, HIGH, 72)  # units, at which T is compared with e
+NEAR_ZERO = 0.02  # |D|: a maximum between two errors may reach 0
+QUIET, STARTED, HUNTING, UNDECIDED = 0, 1, 2, 3
+REGIONS = ("quiet", "quiet, but can be started", "hunting", "undecided")
+
+
+@dataclass(frozen=True, repr=False)
+class HuntingMap(Result):
+    """Where a loop hunts, over two gains or a gain and the friction.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The two gains; "friction": how many times what the compensation believes it is.
+    values : tuple of two arrays
+        Their values.
+    region : (N, M) array of int
+        0 quiet, 1 quiet but can be started by a large error, 2 hunting from the smallest error on
+        or unstable, 3 undecided; a row for each value of the first gain.
+    proven : (N, M) array of bool
+        Where quiet is proven; elsewhere it is searched.
+    gains : dict
+        The user's gains; friction is 1 where the compensation believes it rightly.
+    messages : tuple of str
+        What the map does not cover.
+
+    Examples
+    --------
+    >>> drive = lg.Model.of(friction="coulomb", J=1.0, Fc=1.0, Fv=0.4)
+    >>> lg.hunting_map(drive, {"ki": (0.3, 3.0), "kd": (2.0, 20.0)}, kp=3.0, points=3)
+    HuntingMap over ki and kd
+      quiet                       100 %
+      quiet, but can be started   0 %
+      hunting                     0 %
+      undecided                   0 %
+    """
+
+    names: tuple[str, str]
+    values: tuple[np.ndarray, np.ndarray]
+    region: np.ndarray
+    proven: np.ndarray
+    gains: dict[str, float]
+    messages: tuple[str, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        return picked(self, "names values region proven tolerated gains messages")
+
+    @property
+    def tolerated(self) -> tuple[float, float] | None:
+        """The friction about 1, times what is believed, at which the user's gain is quiet."""
+        own = self.gains.get(self.names[0])
+        if self.names[1] != "friction" or own is None:
+            return None
+        values = self.values[1]
+        quiet = self.region[np.argmin(np.abs(np.log(self.values[0] / own)))] == QUIET
+        ends = np.flatnonzero(~quiet)
+        low = ends[values[ends] <= 1.0].max(initial=-1) + 1
+        high = ends[values[ends] > 1.0].min(initial=len(values)) - 1
+        return (float(values[low]), float(values[high])) if low <= high else None
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the regions with the user's gains; returns the Axes."""
+        return view("loop_plots.regions")(self, ax)
+
+    def _title(self) -> str:
+        return f"HuntingMap over {' and '.join(self.names)}"
+
+    def _rows(self) -> Iterable[Row]:
+        for k, name in enumerate(REGIONS):
+            yield Row(name, f"{100.0 * np.mean(self.region == k):.0f} %")
+        if self.tolerated:
+            said = "times what is believed, at which your gain is quiet"
+            yield Row("friction", "{:.3g} to {:.3g}".format(*self.tolerated), "", said)
+        yield from (Row("message", one) for one in self.messages)
+
+
+def hunting_map(
+    model: Any,
+    ranges_of: Mapping[str, tuple[float, float]],
+    *,
+    kp: float | None = None,
+    ki: float | None = None,
+    kd: float | None = None,
+    kv: float | None = None,
+    friction: tuple[float, float] | None = None,
+    compensation: float = 1.0,
+    vd: float | None = None,
+    points: int = 24,
+) -> HuntingMap:
+    """Over two gains: where a position loop is quiet, can be started, or hunts.
+
+    Parameters
+    ----------
+    model : Model, Parameters or path
+        The drive; it slides by its sliding curve, effects are left out.
+    ranges_of : dict
+        Two gains and their ends, ``{"ki": (1, 50), "kd": (0.1, 1)}``; with ``friction`` one.
+    kp, ki, kd, kv : float, optional
+        As for :func:`limit_cycles`: the user's gains, which are marked.
+    friction : tuple of two floats, optional
+        ``(0.5, 2)``: in place of a second gain how many times the friction is what the
+        compensation believes, which is the model's.
+    compensation : float
+        With ``friction``: the share of the believed sliding curve that is added to the torque.
+    vd : float, optional
+        In rad/s: below it what is added is in proportion to the speed. Default: vs of the law.
+    points : int
+        Values of each gain, in even ratios.
+
+    Returns
+    -------
+    HuntingMap
+        ``.region``, ``.proven``, ``.tolerated``, ``.plot()``.
+
+    Raises
+    ------
+    InputError
+        As :func:`limit_cycles`, and where there are not two axes.
+
+    Notes
+    -----
+    At each point D(e) = log(T(e)/e) of :func:`limit_cycles` on 72 errors from 1/1000 to 30 times
+    Fs/kp: quiet where D < 0 at all, hunting where D > 0 at the smallest, else the loop comes to
+    rest from small errors and keeps on hunting once a large one started it. Undecided where D comes
+    as near to 0 as 0.02, and where D > 0 somewhere, but T, iterated, keeps
+    no error: :func:`limit_cycles` answers there. Quiet is proven for
+    Coulomb and viscous friction without compensation, and searched elsewhere.
+
+    Examples
+    --------
+    >>> drive = lg.Model.of(friction="stribeck", J=1.0, Fc=1.0, Fs=1.5, vs=0.1, Fv=0.4)
+    >>> found = lg.hunting_map(drive, {"ki": (0.3, 10), "kd": (2, 20)}, kp=3, ki=4, kd=6, points=6)
+    >>> found.region.shape
+    (6, 6)
+
+    How far the friction may be from what half of it is compensated by:
+
+    >>> found = lg.hunting_map(drive, {"ki": (0.01, 1)}, kp=3, ki=0.02, kd=6, points=8,
+    ...                        friction=(0.5, 2), compensation=0.5)
+    >>> found.names
+    ('ki', 'friction')
+    """
+    known, count = as_model(model), whole(points, "points", 2)
+    ends = ranges(ranges_of, "hunting_map")
+    if len(ends) != (2 if friction is None else 1):
+        raise InputError(
+            f"hunting_map needs two gains, or one and friction=(0.5, 2), not {len(ends)} gains."
+        )
+    curve, J = curve_of(known), float(known.J or 0.0)
+    if curve.Fs <= 0.0:
+        raise InputError(f"{known.name}: the law {known.friction.block.name} has no stiction.")
+    own = {"kp": kp, "ki": ki, "kd": kd, "kv": kv}
+    marked = {k: v for k, v in own.items() if v is not None}
+    curves = {}
+    if friction is not None:
+        share, below = _believed(known, compensation, vd)
+        ends |= ranges({"friction": friction}, "hunting_map", ("friction",))
+        curves = {
+            s: curve.compensated(share, below, s)
+            for s in map(float, np.geomspace(*ends["friction"], count))
+        }
+        marked["friction"] = 1.0
+    (one, first), (two, second) = ((k, np.geomspace(*v, count)) for k, v in ends.items())
+
+    def loop(a: float, b: float) -> Loop:
+        given = own | {one: a} | ({} if curves else {two: b})
+        return Loop(curves.get(b, curve), J, **pid_gains(**given))
+
+    grid = [[loop(float(a), float(b)) for a in first] for b in second]
+    rows = grid if curves else [[g for row in grid for g in row]]
+    region = np.array([_regions(row) for row in rows]).reshape(count, count).T
+    certain = np.array([[g.is_stable() and bool(proven(g)) for g in row] for row in grid]).T
+    said = ["the drive slides by its sliding curve, without bristles"] * bool(
+        known.friction.block.states
+    )
+    said += [f"left out: {', '.join(p.key for p in known.effects)}"] * bool(known.effects)
+    said += ["quiet is searched, not proven"] * bool(np.any((region == QUIET) & ~certain))
+    return HuntingMap((one, two), (first, second), region, certain, marked, tuple(said))
+
+
+def _believed(model: Model, share: Any, vd: Any) -> tuple[float, float]:
+    """The share of friction that is compensated, and the speed from which on it is in full."""
+    below = dict(model.friction.values).get("vs") if vd is None else vd
+    if below is None:
+        raise InputError(f"hunting_map: {model.friction.block.name} has no vs: give vd in rad/s.")
+    if number(share, "compensation") < 0.0:
+        raise InputError(f"compensation = {share:g} is negative.")
+    return float(share), positive(below, "vd", "rad/s")
+
+
+def _regions(loops: list[Loop]) -> list[int]:
+    """The region of each loop; their slips are computed together."""
+    open_ = [g for g in loops if g.is_stable() and not proven(g)]
+    D = excess_on(together(open_, len(ERRORS)), ERRORS, len(open_)) if open_ else np.zeros((0, 1))
+    rows = iter(D)
+    return [
+        HUNTING if not g.is_stable() else QUIET if proven(g) else _region(next(rows)) for g in loops
+    ]
+
+
+def _region(D: np.ndarray) -> int:
+    if not np.any(D > 0.0):
+        return UNDECIDED if D.max() > -NEAR_ZERO else QUIET
+    if not np.any(D >= NEVER) and not len(kept(ERRORS, D)):
+        return UNDECIDED
+    return HUNTING if D[0] > 0.0 else STARTED

@@ -33,19 +33,30 @@ NEAR = 1e-6  # relative step of a difference about steady sliding
 SPEEDS = np.geomspace(1e4, 1e-8, 400)  # rad/s, at which sliding is looked at
 ROUNDING = 1e-6  # of wn: elements that slip together have an eigenvalue of 0
 BENDS = 100.0  # times its bend that a bristle is dragged
+SMALLEST = 0.03  # units, of the errors at breakaway from which a simulation starts
+STARTS = 8  # so many of them
+PERIODS, STICK, WAITS = 20.0, 15.0, 3.0  # 2 pi/wn, Fs/(kp v) and kp/ki that a part of a run lasts
+RUN_PARTS, POINTS = 8, 3000  # parts of a run, at most, and points of a part
+STEADY = 0.99  # relative size of the error's swing in a part and the one before: it persists
+STILL = 0.01, 0.1  # of v: a drive that is slower sticks, rigid or with bristles, which creep
+FAST = 0.5  # of v: one that is always faster slides
+SHARE = 0.9  # of the torque at breakaway: a stick in which a run begins
+LOWEST, RATIO = 1e-5, 1.1  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search
+CLOSE = 2e-3  # relative width of a bracket
 
 
-class Sliding:
-    """The loop J dw/dt = u - F about w = v, with a friction law that may have states."""
+class Moving:
+    """The loop J dw/dt = u - F under r = v t: steady sliding at w = v, and the stick-slip in it; in
+    e = theta - v t, so that nothing grows but theta."""
 
-    def __init__(self, model: Model, loop: Loop) -> None:
-        self.loop, self.law = loop, model.friction.block
+    def __init__(self, model: Model, gains: Mapping[str, float]) -> None:
+        self.model, self.loop, self.law = model, Loop.of(model, gains), model.friction.block
         self.values = self.law.defaults() | dict(model.friction.values)
         self.count, self.bend, self.z = len(self.law.states), 0.0, np.zeros(0)
         if self.count:
             if self.law.reads != ("w",) or "sigma0" not in model.friction.values:
                 raise Refused(f"{self.law.name} is no law of w with sigma0: stick-slip is unknown.")
-            self.bend = loop.curve.Fs / float(self.values["sigma0"] or 0.0)
+            self.bend = self.loop.curve.Fs / float(self.values["sigma0"] or 0.0)
 
     def friction(self, w: float, z: np.ndarray) -> np.ndarray:
         """F and dz/dt."""
@@ -63,7 +74,7 @@ class Sliding:
             self.z = done.x * self.bend
         return self.z
 
-    def growth(self, v: float) -> float:
+    def growth_at(self, v: float) -> float:
         """The largest real part of an eigenvalue of the loop linearized about w = v, 1/s; a
         rounding error counts as decay."""
         at = np.r_[v, self.bent(v)]
@@ -78,23 +89,80 @@ class Sliding:
             A = np.delete(np.delete(A, 2, 0), 2, 1)
         return float(np.linalg.eigvals(A).real.max()) - ROUNDING * self.loop.wn
 
-    def first_speed(self, v: np.ndarray, growth: np.ndarray) -> float:
+    @cached_property
+    def growth(self) -> tuple[np.ndarray, np.ndarray]:
+        """At falling speeds."""
+        return SPEEDS, np.array([self.growth_at(v) for v in SPEEDS])
+
+    def first_speed(self) -> float:
+        v, growth = self.growth
         unstable = np.flatnonzero(growth > 0.0)
         if not len(unstable) or not unstable[0]:
             return float(v[0]) if len(unstable) else 0.0
-        return float(brentq(self.growth, v[unstable[0]], v[unstable[0] - 1]))  # type: ignore
+        return float(brentq(self.growth_at, v[unstable[0]], v[unstable[0] - 1]))  # type: ignore
 
+    @cached_property
+    def blocks(self) -> list[Any]:
+        frame = ct.nlsys(
+            lambda t, x, u, p: [u[0] - u[1]], lambda t, x, u, p: x, inputs=["w", "v"],
+            outputs=["e"], states=["e"], name="frame",
+        )  # fmt: skip
+        pid = controllers.pid(self.loop.kp, self.loop.ki, self.loop.kd)
+        return [plant(self.model), frame, pid]
 
-SMALLEST = 0.03  # units, of the errors at breakaway from which a simulation starts
-STARTS = 8  # so many of them
-PERIODS, STICK, WAITS = 20.0, 15.0, 3.0  # 2 pi/wn, Fs/(kp v) and kp/ki that a part of a run lasts
-RUN_PARTS, POINTS = 8, 3000  # parts of a run, at most, and points of a part
-STEADY = 0.99  # relative size of the error's swing in a part and the one before: it persists
-STILL = 0.01, 0.1  # of v: a drive that is slower sticks, rigid or with bristles, which creep
-FAST = 0.5  # of v: one that is always faster slides
-SHARE = 0.9  # of the torque at breakaway: a stick in which a run begins
-LOWEST, RATIO = 1e-5, 1.1  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search
-CLOSE, PARTS = 2e-3, 8  # relative width of a bracket, and speeds in it at a time
+    def stuck(self, e: float) -> list[float]:
+        """A stick at the error e, or without ki at the torque's, before it breaks away."""
+        loop, u = self.loop, SHARE * self.loop.curve.Fs
+        bends = np.zeros(self.count)
+        bends[:1] = SHARE * self.bend
+        own = [e, (u + loop.kp * e) / loop.ki] if loop.ki else [-u / loop.kp, 0.0]
+        return [0.0, 0.0, *bends, *own]
+
+    def run(self, v: float, state: Any) -> Any:
+        """The state after a stick-slip that persists at v; None: it slides on."""
+        loop, still = self.loop, STILL[self.count > 0] * v
+        span = PERIODS * 2.0 * np.pi / loop.wn + STICK * loop.curve.Fs / (loop.kp * v)
+        span = max(span, WAITS * loop.kp / loop.ki if loop.ki else 0.0)
+        t, swing, slowest = np.linspace(0.0, span, POINTS), np.inf, 0.0
+        for _ in range(RUN_PARTS):
+            done = quietly(simulate, self.blocks, t, {"v": v}, state)
+            rows = dict(zip(done.output_labels, done.outputs, strict=True))
+            w, e = (rows[k][POINTS // 5 :] for k in "we")
+            was, swing, slowest = swing, float(np.ptp(e)), float(w.min())
+            if slowest > FAST * v:
+                return None
+            state = np.asarray(done.states)[:, -1]
+            state[0] = 0.0  # theta, which nothing reads
+            if slowest < still and STEADY * was < swing < was / STEADY:
+                return state
+        return state if slowest < still else None
+
+    def persisting(self) -> Iterator[tuple[float, Any]]:
+        """Speeds at which stick-slip persists and its state, from the highest on."""
+        curve, loop = self.loop.curve, self.loop
+        # by Popov's criterion steady sliding attracts all motions where F - Fs is viscous
+        if curve.Fs <= 0.0 or (not self.count and curve.is_straight()):
+            return
+        (top, error), (v, growth) = loop.largest, self.growth
+        low, top = LOWEST * loop.speed, top * loop.speed
+        grid = np.geomspace(low, top, int(np.log(top / low) / np.log(RATIO)))
+        grid = np.sort(np.r_[grid, np.clip(v[np.argmax(growth)], low, top)])
+        x = np.geomspace(SMALLEST, max(error, 1.0), STARTS // 2)
+        starts = [self.stuck(e * loop.unit) for e in (np.r_[x, -x] if loop.ki else np.ones(1))]
+        for speed in map(float, grid[::-1]):
+            found = (self.run(speed, start) for start in starts)
+            state = next((s for s in found if s is not None), None)
+            if state is not None:
+                yield speed, state
+
+    def last_speed(self) -> float:
+        v, state = next(self.persisting(), (0.0, None))
+        step = np.log(RATIO)
+        while v and step > CLOSE:  # followed upwards, in smaller and smaller steps
+            higher = float(v * np.exp(step))
+            now = self.run(higher, state)
+            v, state, step = (v, state, 0.5 * step) if now is None else (higher, now, step)
+        return v
 
 
 @dataclass(frozen=True, repr=False)
@@ -236,8 +304,8 @@ def stick_slip_speed(
     def sticks(**changed: float) -> bool:
         asked[0] += 1
         report(1.0 - 0.9 ** asked[0], "gains tried")
-        search = _Search(bare, gains(**changed))
-        return not search.loop.is_stable() or next(search.persisting(), None) is not None
+        moving = Moving(bare, gains(**changed))
+        return not moving.loop.is_stable() or next(moving.persisting(), None) is not None
 
     more = critical(sticks, ends or {}, "stick-slip")
     said = (*more["messages"], *said, *found.messages)
@@ -245,108 +313,22 @@ def stick_slip_speed(
 
 
 def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:
-    search = _Search(model, gains)
-    loop, law = search.loop, model.friction.block.name
+    moving = Moving(model, gains)
+    loop, law = moving.loop, model.friction.block.name
     about = {**gains, "J": loop.J, "law": law, "model": model.name}
     if not loop.is_stable():
         said = "fast motion does not decay: (kd + Fv) kp > ki J does not hold"
         return StickSlip(np.inf, np.inf, about, messages=(said,), motion=model.motion)
-    start, end = search.sliding.first_speed(*search.growth), search.last_speed()
-    said = tuple(_said(start, end, *search.growth))
-    return StickSlip(start, end, about, {}, said, search.growth, model.motion)
+    start, end = moving.first_speed(), moving.last_speed()
+    said = tuple(_said(start, end))
+    return StickSlip(start, end, about, {}, said, moving.growth, model.motion)
 
 
-def _said(start: float, end: float, v: np.ndarray, growth: np.ndarray) -> Iterator[str]:
+def _said(start: float, end: float) -> Iterator[str]:
     low, high = sorted([start, end])
     between = f"between {number(low)} and {number(high)}" if low else f"below {number(high)}"
     if end > start:
         yield f"{between} a disturbance decides whether it slides or sticks and slips"
     elif start > end:
         yield f"{between} it swings about v without sticking"
-    if start and growth[-1] <= 0.0:
-        rest = v[np.flatnonzero(growth > 0.0)[-1] + 1]
-        yield f"below about {number(rest, 2)} sliding is stable again, against small disturbances"
     yield "speed_end is searched, not proven"
-
-
-class _Search:
-    """A loop that is stable, and the stick-slip in it: that of e = theta - v t, so that nothing
-    grows but theta."""
-
-    def __init__(self, model: Model, gains: Mapping[str, float]) -> None:
-        self.model, self.loop = model, Loop.of(model, gains)
-        self.sliding = Sliding(model, self.loop)
-
-    @cached_property
-    def growth(self) -> tuple[np.ndarray, np.ndarray]:
-        """At falling speeds."""
-        return SPEEDS, np.array([self.sliding.growth(v) for v in SPEEDS])
-
-    @cached_property
-    def system(self) -> Any:
-        frame = ct.nlsys(
-            lambda t, x, u, p: [u[0] - u[1]], lambda t, x, u, p: x, inputs=["w", "v"],
-            outputs=["e"], states=["e"], name="frame",
-        )  # fmt: skip
-        pid = controllers.pid(self.loop.kp, self.loop.ki, self.loop.kd)
-        parts = [plant(self.model), frame, pid]
-        return ct.interconnect(
-            parts, inputs=["v"], outputs=["w", "e"], check_unused=False, name="loop"
-        )
-
-    def stuck(self, e: float) -> list[float]:
-        """A stick at the error e, or without ki at the torque's, before it breaks away."""
-        loop, u = self.loop, SHARE * self.loop.curve.Fs
-        bends = np.zeros(self.sliding.count)
-        bends[:1] = SHARE * self.sliding.bend
-        own = [e, (u + loop.kp * e) / loop.ki] if loop.ki else [-u / loop.kp, 0.0]
-        return [0.0, 0.0, *bends, *own]
-
-    def run(self, v: float, state: Any) -> Any:
-        """The state after a stick-slip that persists at v; None: it slides on."""
-        loop, still = self.loop, STILL[self.sliding.count > 0] * v
-        span = PERIODS * 2.0 * np.pi / loop.wn + STICK * loop.curve.Fs / (loop.kp * v)
-        span = max(span, WAITS * loop.kp / loop.ki if loop.ki else 0.0)
-        t, swing, slowest = np.linspace(0.0, span, POINTS), np.inf, 0.0
-        for _ in range(RUN_PARTS):
-            done = quietly(simulate, self.system, t, {"v": v}, state)
-            w, e = np.asarray(done.outputs)[:, POINTS // 5 :]
-            was, swing, slowest = swing, float(np.ptp(e)), float(w.min())
-            if slowest > FAST * v:
-                return None
-            state = np.asarray(done.states)[:, -1]
-            state[0] = 0.0  # theta, which nothing reads
-            if slowest < still and STEADY * was < swing < was / STEADY:
-                return state
-        return state if slowest < still else None
-
-    def persisting(self) -> Iterator[tuple[float, Any]]:
-        """Speeds at which stick-slip persists and its state, from the highest on."""
-        curve, loop = self.loop.curve, self.loop
-        # by Popov's criterion steady sliding attracts all motions where F - Fs is viscous
-        if curve.Fs <= 0.0 or (not self.sliding.count and curve.is_straight()):
-            return
-        (top, error), (v, growth) = loop.largest, self.growth
-        low, top = LOWEST * loop.speed, top * loop.speed
-        grid = np.geomspace(low, top, int(np.log(top / low) / np.log(RATIO)))
-        grid = np.sort(np.r_[grid, np.clip(v[np.argmax(growth)], low, top)])
-        x = np.geomspace(SMALLEST, max(error, 1.0), STARTS // 2)
-        starts = [self.stuck(e * loop.unit) for e in (np.r_[x, -x] if loop.ki else np.ones(1))]
-        for speed in map(float, grid[::-1]):
-            found = (self.run(speed, start) for start in starts)
-            state = next((s for s in found if s is not None), None)
-            if state is not None:
-                yield speed, state
-
-    def last_speed(self) -> float:
-        v, state = next(self.persisting(), (0.0, None))
-        step = np.log(RATIO) / PARTS
-        while v and step > CLOSE / PARTS:
-            kept = 0
-            for speed in v * np.exp(step * np.arange(1, PARTS + 1)):
-                now = self.run(float(speed), state)
-                if now is None:
-                    break
-                v, state, kept = float(speed), now, kept + 1
-            step = step if kept == PARTS else step / PARTS
-        return v

@@ -99,25 +99,30 @@ def times(t: ArrayLike | None, timepts: ArrayLike | None = None) -> np.ndarray:
 
 
 def inputs(name: str, labels: Sequence[str], t: np.ndarray, given: Any) -> np.ndarray:
-    """The inputs as (m, N), by name or in every form that python-control takes."""
+    """The inputs as (m, N), by name or in every form that python-control takes: a number, (N,),
+    (m, N), or a list of these."""
     if isinstance(given, Mapping):
         return by_name(name, labels, t, given)
-    rows: Any = 0.0 if given is None else given
-    if isinstance(rows, (list, tuple)) and len(rows) != len(t):
-        rows = _stacked(rows, len(t)) if rows else 0.0
-    u = array(rows, "inputs")
-    count = len(labels)
-    if u.ndim == 0:
-        u = np.full((count, len(t)), float(u))
-    if u.ndim == 1 and count == 1:
-        u = u[None]
-    if u.shape != (count, len(t)):
-        raise InputError(
-            f"{name} needs inputs ({', '.join(labels)}) of shape ({count}, {len(t)}), "
-            f"not {u.shape}."
-        )
-    _finite(labels, t, u)
-    return u
+    is_list = isinstance(given, (list, tuple)) and len(given) not in (0, len(t))
+    nothing = given is None or (isinstance(given, (list, tuple)) and not given)
+    parts, rows = given if is_list else [0.0 if nothing else given], []
+    for i, part in enumerate(parts):
+        row = array(part, f"inputs[{i}]" if is_list else "inputs")
+        if row.ndim < 2 and row.shape != (len(t),):  # each number of a part for all times
+            row = np.outer(row, np.ones(len(t)))
+        rows.append(np.atleast_2d(row))
+    shapes = {row.shape[1:] for row in rows}
+    if shapes == {(len(t),)}:
+        u = np.vstack(rows)
+        alone = not is_list and len(u) == 1 and np.ndim(parts[0]) == 0
+        u = np.repeat(u, len(labels), axis=0) if alone else u
+        if len(u) == len(labels):
+            _finite(labels, t, u)
+            return u
+    raise InputError(
+        f"{name} needs inputs ({', '.join(labels)}) of shape ({len(labels)}, {len(t)}), not "
+        f"{' and '.join(str(row.shape) for row in rows)}."
+    )
 
 
 def by_name(
@@ -147,36 +152,20 @@ def _finite(labels: Sequence[str], t: np.ndarray, u: np.ndarray) -> None:
         raise InputError(f"input {labels[i]} is {u[i, k]} at t = {t[k]:.6g} s.")
 
 
-def _stacked(parts: Sequence[Any], samples: int) -> np.ndarray:
-    """The parts of a list as rows: numbers, (N,) or (m, N)."""
-    rows = []
-    for i, part in enumerate(parts):
-        row = array(part, f"inputs[{i}]")
-        if row.ndim > 2:
-            raise InputError(f"inputs[{i}] must be a number, (N,) or (m, N), not {row.shape}.")
-        whole = row.ndim == 2 or (row.ndim == 1 and len(row) == samples)
-        rows.append(np.atleast_2d(row) if whole else np.outer(row, np.ones(samples)))
-    widths = {row.shape[1] for row in rows}
-    if widths != {samples}:
-        raise InputError(f"the parts of inputs must have {samples} samples, not {sorted(widths)}.")
-    return np.vstack(rows)
-
-
 def start(name: str, states: int, x0: Any, what: str = "x0") -> np.ndarray:
     """Initial states: a number for all, or a list that is padded with zeros.
 
     A list of parts, one for each block as python-control takes them, must have all states, or end
     with 0; a matrix (a covariance) is taken row by row.
     """
-    x0 = 0.0 if x0 is None else x0
-    ragged = isinstance(x0, (list, tuple)) and len({np.shape(array(p, what)) for p in x0}) > 1
-    if ragged:
-        values = np.concatenate([array(part, what).ravel() for part in x0])
-    else:
-        values = array(x0, what)
-        if values.ndim == 0:
-            values = np.full(states, float(values))
-        values = values.ravel()
+    parts = [
+        array(p, what)
+        for p in (x0 if isinstance(x0, (list, tuple)) else [0.0 if x0 is None else x0])
+    ]
+    values = np.concatenate([part.ravel() for part in parts]) if parts else np.zeros(0)
+    if not isinstance(x0, (list, tuple)) and parts[0].ndim == 0:
+        values = np.full(states, float(values[0]))
+    ragged = len({part.shape for part in parts}) > 1
     short = ragged and len(values) < states and values[-1] != 0.0
     if len(values) > states or short:
         raise InputError(f"{name} has {states} states, {what} has {len(values)}.")

@@ -1,11 +1,14 @@
-"""Time responses of python-control systems, traced, compiled and stepped with located events."""
+"""Time responses of python-control systems, traced, compiled and stepped with located events.
+
+Also of a continuous plant under sampled control, whose torque is held between samples.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,9 +16,9 @@ import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..blocks.drive import dead_times
+from ..blocks.drive import dead_time, dead_times
 from ..core.errors import Diverged, InputError
-from ..core.validation import positive
+from ..core.validation import nearest, positive, whole
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.adaptive_run import Accuracy, Course, Track
 from ..engine.runtime.delays import run_late
@@ -25,7 +28,6 @@ from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net, Part
 from ..engine.tracing.tracer import traced_net
 from . import arguments
-from .wiring_warnings import warn_of_wiring
 
 MOST = 1e8  # updates in a run: an array of them is 0.8 GB
 NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
@@ -131,10 +133,6 @@ def simulate(
     Pade approximation of order 2, and a warning reports it; so is a delay below 1/50 000 of the
     run.
 
-    A controller that acts on e makes it smaller: e is measured - reference. A warning names a
-    controller of the package in a feedback of the wrong sign, from the blocks' derivatives at
-    rest.
-
     Examples
     --------
     A velocity loop that follows a sine of 0.1 rad/s and 1 Hz:
@@ -159,7 +157,7 @@ def simulate(
         raise InputError("the initial states are given twice: give x0 or initial_state.")
     net, periods = net_of(system)
     arguments.parameters([part.block for part in net.parts], params)
-    warn_of_wiring(net, inputs, params)
+    warn_unfed(net, inputs)
     u = arguments.inputs(net.name, net.outside, times, inputs)
     states = net.count(False) + net.count(True)
     start = arguments.start(net.name, states, initial_state if x0 is None else x0)
@@ -167,9 +165,9 @@ def simulate(
         course = course_of(times, u, periods, hold)
     else:
         course = Course.along(times, u, net.groups, hold)
-        dt = net.parts[0].block.dt if net.groups else True
-        if dt is not True and not np.allclose(np.diff(times), dt, rtol=1e-6, atol=0.0):
-            raise InputError(f"{net.name}: t must increase in steps of its sample time, {dt:g} s.")
+        block = net.parts[0].block
+        if net.groups and block.dt is not True:
+            _even(net.name, times, [block])
     run = Run(net, course, start, params, method, accuracy)
     return response(run, followed(run), u, squeeze)
 
@@ -212,6 +210,39 @@ def outside(parts: Sequence[Part]) -> tuple[str, ...]:
     """Signals that a block reads and no block outputs, in the order in which they are read."""
     made = {k for part in parts for k in part.outputs}
     return tuple(dict.fromkeys(k for part in parts for k in part.inputs if k not in made))
+
+
+def warn_unfed(net: Net, given: Any) -> None:
+    """Warn of inputs of a list of blocks that are left out of a dict, where an output is left over
+    or nearly has the name; a load d is usually meant to be 0."""
+    if net.alone or not isinstance(given, Mapping):
+        return
+    read = {k for part in net.parts for k in part.inputs}
+    for label in (k for k in net.outside if k not in given and k != "d"):
+        idle = [
+            f"{', '.join(part.outputs)} of {part.block.name}"
+            for part in net.parts
+            if part.outputs and not read & {*part.outputs} and label not in part.inputs
+            and not (_is_observer(part.block) and label[:1] != "F")  # often only watched
+        ]  # fmt: skip
+        near = nearest(label, [k for k in net.signals if k not in read])
+        if near is None and not idle:
+            continue
+        hint = f"Nothing reads {'; '.join(idle)}: is it meant?"
+        hint = hint if near is None else f"Did you mean {near} of {net.makers(near)}?"
+        readers = ", ".join(part.block.name for part in net.parts if label in part.inputs)
+        warnings.warn(
+            f"{net.name}: nothing feeds the input {label} of {readers}; it is 0. {hint} Give "
+            f"inputs={{'{label}': 0}} if 0 is meant.",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+
+
+def _is_observer(block: Any) -> bool:
+    """Whether it is one of this package, continuous or sampled."""
+    inside = getattr(getattr(block.outfcn, "step", None), "system", block)
+    return getattr(getattr(inside.outfcn, "block", None), "kind", "") == "observer"
 
 
 def course_of(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
@@ -366,3 +397,137 @@ def response(
     )
     found.t, found.y, found.x, found.u = t, track.y, x, u
     return found
+
+
+LATE = " after the delay"
+
+COARSE = 1e-4  # error allowed in a step of a plant whose encoder is coarser than that
+
+
+def simulate_sampled(
+    plant: ct.NonlinearIOSystem,
+    drive: ct.NonlinearIOSystem | Sequence[ct.NonlinearIOSystem],
+    t: ArrayLike,
+    inputs: Mapping[str, ArrayLike] | ArrayLike | None = None,
+    x0: ArrayLike = 0.0,
+    *,
+    drive_x0: ArrayLike = 0.0,
+    delay: int = 0,
+    params: Mapping[str, Any] | None = None,
+    rtol: float = 1e-6,
+) -> ct.TimeResponseData:
+    """The response of a continuous plant with sampled control, blocks connected by signal names.
+
+    Parameters
+    ----------
+    plant : control.NonlinearIOSystem
+        Any continuous system; its outputs are measured at the samples.
+    drive : control.NonlinearIOSystem or list of them
+        Discrete-time blocks of one dt (see :func:`lugrectl.sampled`) and blocks without states,
+        connected by their signal names; outputs of the same name are added. An output with the
+        name of a plant input is held there until the next sample.
+    t : (N,) array_like
+        The sample times in s, dt apart.
+    inputs : dict or array_like, optional
+        Signals that are outputs of neither side, by name, each a number or (N,): a reference r,
+        a load d, held between samples. Those left out are 0. A number or an array (N,) or (m, N)
+        gives those that the drive reads, in the order of the result's ``input_labels``.
+    x0, drive_x0 : float or array_like
+        Initial states of plant and drive: a number for all, or a list padded with zeros.
+    delay : int
+        Number of samples between the measurement and the action of its torque: 0 acts at once, 1
+        is a drive that computes for one period. Before the first command the plant's inputs are
+        0. An observer in the drive reads the torque at the instant of the command.
+    params : dict, optional
+        Parameters in place of those of the blocks, ``{"plant.Fc": 0.3}``.
+    rtol : float
+        Error allowed in a step of the plant, relative to the states.
+
+    Returns
+    -------
+    control.TimeResponseData
+        At the samples: outputs of the plant, measured before the torque of this sample acts,
+        then those of the drive; states of both.
+
+    Raises
+    ------
+    InputError
+        When the parts do not fit together: no common signals, a block in continuous time in the
+        drive, times that are not dt apart, unknown or missing inputs.
+    Diverged
+        When a state or signal grows without bound; the message names it and the time.
+
+    Examples
+    --------
+    A velocity loop whose controller and observer run at 1 kHz:
+
+    >>> dt, p = 1e-3, lg.table1()
+    >>> drive = [lg.error(), lg.compensation(), lg.sampled(lg.pi(1.6, 0.16), dt),
+    ...          lg.sampled(lg.proposed_observer(p), dt)]
+    >>> t = dt * np.arange(500)
+    >>> run = lg.simulate_sampled(lg.plant(p), drive, t, {"r": 0.1 * np.sin(2 * np.pi * t)})
+    >>> w = run.outputs[run.output_labels.index("w")]
+    >>> bool(abs(w - 0.1 * np.sin(2 * np.pi * t)).max() < 0.01)
+    True
+    """
+    rtol, plant = arguments.settings(rtol), arguments.system(plant, "plant")
+    listed = drive if isinstance(drive, (list, tuple)) else [drive]
+    blocks = [arguments.system(block, "a block of the drive") for block in listed]
+    parts = _parts(plant, blocks, whole(delay, "delay"))
+    arguments.parameters([part.block for part in parts], params)
+    net = Net(plant.name, parts, outside((*parts[1:], parts[0])), 1, earlier=True)
+    times = _even(net.name, arguments.times(t), blocks)
+    if not isinstance(inputs, Mapping):
+        read = {k for part in parts[1:] for k in part.inputs}
+        own = [k for k in net.outside if k in read]
+        rows = arguments.inputs("the drive", own, times, inputs) if inputs is not None else ()
+        inputs = dict(zip(own, rows, strict=False))
+    warn_unfed(net, inputs)
+    u = arguments.by_name(net.name, net.outside, times, inputs)
+    start = arguments.start(plant.name, parts[0].nstates, x0)
+    driven = arguments.start("the drive", net.count(True), drive_x0, "drive_x0")
+    states, course = np.concatenate([start, driven]), Course.along(times, u, 1, True)
+    run = Run(net, course, states, params, None, Accuracy(rtol))
+    return response(run, followed(run), u)
+
+
+def _even(name: str, times: np.ndarray, blocks: Sequence[Any]) -> np.ndarray:
+    """The times; InputError if they are not a sample time apart."""
+    known = [float(b.dt) for b in blocks if b.isdtime(strict=True) and b.dt is not True]
+    steps = np.diff(times)
+    dt = known[0] if known else steps[:1].sum()
+    if not np.allclose(steps, dt, rtol=1e-6, atol=0.0):
+        raise InputError(f"{name}: t must increase in steps of the sample time, {dt:g} s.")
+    return times
+
+
+def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
+    """The plant, the drive's blocks, and the delay between them."""
+    free = [b.name for b in blocks if b.nstates and not b.isdtime(strict=True)]
+    if free:
+        raise InputError(
+            f"{free[0]} is a continuous-time block: use sampled({free[0]}, dt) in the drive."
+        )
+    rates = {float(b.dt) for b in blocks if b.nstates and b.dt is not True}
+    if len(rates) > 1:
+        raise InputError(f"the drive's blocks have different sample times: {sorted(rates)} s.")
+    logic = [Part.of(b, 0) for b in blocks]
+    made = {k for part in logic for k in part.outputs}
+    read = {k for part in logic for k in part.inputs}
+    twice = sorted({*plant.output_labels} & made)
+    if twice:
+        raise InputError(f"{plant.name} and the drive both have the output {', '.join(twice)}.")
+    acting = [k for k in plant.input_labels if k in made]
+    if not acting or not read & {*plant.output_labels}:
+        raise InputError(
+            f"the drive must have one of the outputs {', '.join(plant.input_labels)} and one of "
+            f"the inputs {', '.join(plant.output_labels)}: {plant.name} and the drive are "
+            "connected by signal names."
+        )
+    if not delay:
+        return Part.of(plant), *logic
+    late = {k: k + LATE for k in acting}
+    first = replace(Part.of(plant), inputs=tuple(late.get(k, k) for k in plant.input_labels))
+    lines = [dead_time(float(delay), 1.0, name=f"delay_{k}") for k in acting]
+    pairs = zip(lines, late.items(), strict=True)
+    return first, *logic, *(Part(line, (k,), (later,), 0) for line, (k, later) in pairs)

@@ -1,21 +1,28 @@
-"""Discrete-time forms of blocks for a sampled drive, exact at constant speed or in substeps."""
+"""Discrete-time forms of blocks for a sampled drive, exact at constant speed or in substeps.
+
+Also its sensor, an encoder with steps and noise and a speed or its difference; and the bristle
+deflection along a measured velocity, exact for a velocity held between samples.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import control as ct
 import numpy as np
-from scipy.linalg import expm
+from numpy.typing import ArrayLike
+from scipy.linalg import expm, lapack
 
+from ..blocks.block import Steady
+from ..blocks.friction import bristle
+from ..blocks.model import Model, Parameters, as_model
 from ..core.block_system import BlockSystem
 from ..core.errors import InputError
-from ..core.validation import names, positive
+from ..core.validation import array, names, positive
 from ..engine.expression.numpy_protocol import TraceError, signal_array
 from ..engine.runtime.substeps import Substeps
 from . import arguments
@@ -23,7 +30,6 @@ from . import arguments
 MOST = 1e5  # substeps in a sample
 MOST_STEPS = 24  # of the same length, traced
 REACH = 1.2  # of a rate times the length of such a step; the method is stable up to 2.7
-SMALL = 1e-6  # relative change of a state for a slope
 NODES = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))  # of Gauss, in a part of a step
 SERIES = [1.0 / math.factorial(k + 3) for k in range(12, -1, -1)]  # phi3, highest power first
 
@@ -84,10 +90,9 @@ def sampled(
     the natural observer stay within Fs/sigma0 at every speed and dt.
 
     That the rates are affine is decided by the block's equations, for all values of its inputs
-    and parameters; a function that cannot be traced is tried at states from 1e-6 to 1e6 and at
-    other parameters. Rates that are affine in a range only (a limit, c x^3 with c = 0) count as
-    not affine. Substeps follow the inputs between the samples; they are called at each sample,
-    not traced, which takes some 0.2 ms.
+    and parameters; a function that cannot be traced counts as not affine, and so do rates that are
+    affine in a range only (a limit, c x^3 with c = 0). Substeps follow the inputs between the
+    samples; they are called at each sample, not traced, which takes some 0.2 ms.
 
     The block calls the functions of ``system`` at each sample, so it follows what they read; the
     default parameters are a copy, and whether the rates are affine is decided when a run begins.
@@ -134,7 +139,7 @@ def sampled(
     if not system.nstates:
         raise InputError(f"{system.name} has no states: use it as it is, with sampled blocks.")
     labels = list(system.input_labels)
-    keep = usually_held(system) if held is None else names(held, "held")
+    keep = _usually_held(system) if held is None else names(held, "held")
     strange = [s for s in keep if s not in labels]
     if strange:
         raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
@@ -143,12 +148,10 @@ def sampled(
         raise InputError(f"substep = {longest:g} s is less than dt/{MOST:g}.")
     step = _Step(system, float(dt), tuple(s in keep for s in labels), float(longest))
     step.substeps.affine(system.params)  # what cannot be evaluated is refused here
-    return in_steps(step, name)
+    return _in_steps(step, name)
 
 
-def in_steps(step: Any, name: str | None = None) -> ct.NonlinearIOSystem:
-    """The discrete block of a step of a continuous ``system`` over ``dt`` s, which has
-    ``state(t, s, v, params)``, the system's states at the sample that is being taken."""
+def _in_steps(step: _Step, name: str | None = None) -> ct.NonlinearIOSystem:
     system = step.system
     return BlockSystem(
         _Moved(step),
@@ -162,13 +165,13 @@ def in_steps(step: Any, name: str | None = None) -> ct.NonlinearIOSystem:
     )
 
 
-def usually_held(system: Any) -> list[str]:
+def _usually_held(system: Any) -> list[str]:
     """The inputs that a drive holds, by the names with which the block declares them."""
-    pairs = zip(own_inputs(system), system.input_labels, strict=False)
+    pairs = zip(_own_inputs(system), system.input_labels, strict=False)
     return [label for name, label in pairs if name in ("u", "excess")]
 
 
-def own_inputs(system: Any) -> list[str]:
+def _own_inputs(system: Any) -> list[str]:
     """The names with which the block declares its inputs."""
     declared = getattr(system.outfcn, "block", None)
     return list(system.input_labels if declared is None else declared.inputs)
@@ -176,12 +179,14 @@ def own_inputs(system: Any) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """One step of :func:`sampled`; ``held`` says so of each input."""
+    """One step of a continuous system over ``dt`` s; ``held`` says so of each input. With ``steps``
+    it is so many of Runge-Kutta, which are traced, in place of those that control their error."""
 
     system: Any
     dt: float
     held: tuple[bool, ...]
     longest: float
+    steps: int = 0
 
     @property
     def substeps(self) -> Substeps:
@@ -192,7 +197,7 @@ class _Step:
 
     def state(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
         """The states of the system at the sample that is being taken."""
-        n, own = int(self.system.nstates), own_inputs(self.system)
+        n, own = int(self.system.nstates), _own_inputs(self.system)
         s, v = np.asanyarray(s), np.asanyarray(v)
         turns = 1 + own.index("w") if "w" in own else None  # friction turns over where it is 0
 
@@ -201,25 +206,27 @@ class _Step:
 
         before = signals([t - self.dt, *s[n:-1]])
         now = signals([t, *np.where(np.array(self.held, dtype=bool), s[n:-1], v)])
-        if object in (before.dtype, now.dtype):  # the engine follows the equations
+        traced = object in (before.dtype, now.dtype)  # the engine follows the equations
+        if traced or s[-1] < 0.5:
             self.substeps.again()
-            if not self.substeps.affine(params):
-                raise TraceError("runs in substeps: it is called at each sample")
-            moved = advance(rates, s[:n], before, now, self.dt, turns)
-            return np.where(s[-1] < 0.5, s[:n], moved)
-        if s[-1] < 0.5:
-            self.substeps.again()
+        if not traced and s[-1] < 0.5:
             return s[:n]
-        if not self.substeps.affine(params):
-            return self.substeps.step(s[:n], before, now, params)
-        return advance(rates, s[:n], before, now, self.dt, turns)
+        if self.steps:
+            moved = _runge_kutta(rates, signals(s[:n]), before, now, self.dt, self.steps)
+        elif self.substeps.affine(params):
+            moved = advance(rates, s[:n], before, now, self.dt, turns)
+        elif traced:
+            raise TraceError("runs in substeps: it is called at each sample")
+        else:
+            moved = self.substeps.step(s[:n], before, now, params)
+        return np.where(s[-1] < 0.5, s[:n], moved) if traced else moved
 
 
 _SUBSTEPS: WeakKeyDictionary[_Step, Substeps] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
-class OfStep:
+class _OfStep:
     """A function of a step."""
 
     step: Any
@@ -229,23 +236,22 @@ class OfStep:
         return (self.step.system,)
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
-        """As :meth:`lugrectl.blocks.block.Called.renamed`, with the continuous block inside."""
         inside = self.step.system
-        if not isinstance(inside, BlockSystem) or not isinstance(update, OfStep):
+        if not isinstance(inside, BlockSystem) or not isinstance(update, _OfStep):
             return update, self, {}
         step = replace(self.step, system=inside.copy(name=name))
         keys = dict(zip(inside.params, step.system.params, strict=True))
         return type(update)(step), type(self)(step), keys
 
 
-class _Moved(OfStep):
+class _Moved(_OfStep):
     """The update function of a sampled block."""
 
     def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
         return np.concatenate([self.step.state(t, s, v, params), v, [1.0]])
 
 
-class _Answer(OfStep):
+class _Answer(_OfStep):
     """The output function of a sampled block."""
 
     def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
@@ -310,18 +316,6 @@ def ramp_response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.nd
     ``scipy.linalg.expm``.
     """
     B, start, change = signals(B), signals(start), signals(change)
-    if B.ndim == 2 and B.dtype == start.dtype == change.dtype == float:
-        return _of_numbers(len(B), np.concatenate([B.ravel(), start, change]).tobytes())
-    return _response(B, start, change)
-
-
-@lru_cache(maxsize=32)  # output and update of a block ask for the same step
-def _of_numbers(n: int, numbers: bytes) -> np.ndarray:
-    values = np.frombuffer(numbers)
-    return _response(values[: n * n].reshape(n, n), values[n * n : -n], values[-n:])
-
-
-def _response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
     n = len(B)
     if n == 1:
         one, two = _phi(B[0])
@@ -421,57 +415,191 @@ def at_samples(block: Any, dt: float, points: Sequence[Mapping[str, float]]) -> 
     """
     if not block.nstates or block.isdtime(strict=True):
         return block
-    if Substeps(block, dt).affine(block.params):
-        return sampled(block, dt)
-    steps = math.ceil(min(dt * _fastest_rate(block, points) / REACH, 1e6))
-    if steps > MOST_STEPS:
-        return sampled(block, dt)
-    held = usually_held(block)
-    step = _RungeKutta(block, dt, max(steps, 2), tuple(s in held for s in block.input_labels))
-    return in_steps(step)
+    held, steps = _usually_held(block), 0
+    step = _Step(block, dt, tuple(s in held for s in block.input_labels), dt / 4)
+    if not step.substeps.affine(block.params):
+        rates = [0.0]  # the fastest of the states at the points, 1/s
+        for point in points:
+            v, x = ([point.get(k, 0.0) for k in names]
+                    for names in (block.input_labels, block.state_labels))  # fmt: skip
+            A = np.asarray(ct.linearize(block, x, v).A)
+            rates.append(float(np.abs(np.linalg.eigvals(A)).max()))
+        steps = max(math.ceil(min(dt * max(rates) / REACH, 1e6)), 2)
+    return _in_steps(replace(step, steps=steps if steps <= MOST_STEPS else 0))
 
 
-def _fastest_rate(block: Any, points: Sequence[Mapping[str, float]]) -> float:
-    """The fastest rate of the states in 1/s, at any of the points."""
-    found = 0.0
-    for point in points:
-        v, x = (np.array([point.get(k, 0.0) for k in names])
-                for names in (block.input_labels, block.state_labels))  # fmt: skip
-        steps = SMALL * np.maximum(np.abs(x), 1e-3)
-        columns = [
-            (block.updfcn(0.0, x + d, v, block.params) - block.updfcn(0.0, x - d, v, block.params))
-            / (2.0 * step)
-            for d, step in zip(np.diag(steps), steps, strict=True)
-        ]
-        found = max(found, float(np.abs(np.linalg.eigvals(np.array(columns).T)).max()))
-    return found
+def _runge_kutta(rates: Any, x: Any, before: Any, now: Any, dt: float, steps: int) -> np.ndarray:
+    """The classical method of order 4 in steps of one length."""
+    h, change = dt / steps, now - before
+    for k in range(steps):
+        first, middle, end = (before + (k + part) / steps * change for part in (0.0, 0.5, 1.0))
+        k1 = rates(x, first)
+        k2 = rates(x + 0.5 * h * k1, middle)
+        k3 = rates(x + 0.5 * h * k2, middle)
+        x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + rates(x + h * k3, end))
+    return x
 
 
-@dataclass(frozen=True, eq=False)
-class _RungeKutta:
-    """One sample in ``steps`` steps of the classical Runge-Kutta method of order 4."""
+WHOLE = 1.5 * 2.0**52  # a number of this size has no fraction: to add and subtract it rounds
 
-    system: Any
+
+@dataclass(frozen=True)
+class Sensing:
+    """What a drive measures, and how often.
+
+    ``dt`` and ``delay`` in s; ``noise`` of the position in rad and its ``resolution`` in rad,
+    0 for none; ``speed_noise`` in rad/s where the drive has a speed of its own, None where it
+    takes the difference of two positions.
+    """
+
     dt: float
-    steps: int
-    held: tuple[bool, ...]
+    noise: float = 0.0
+    resolution: float = 0.0
+    speed_noise: float | None = None
+    delay: float = 0.0
 
-    def state(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
-        """The states at the sample that is being taken."""
-        n = int(self.system.nstates)
-        start, last = signals(s[:n]), list(s[n:-1])
-        now = [a if held else b for held, a, b in zip(self.held, last, v, strict=True)]
+    def errors(self, samples: int, seed: int = 0) -> dict[str, np.ndarray]:
+        """The noise of position and speed by the names of the drive's inputs."""
+        random = np.random.default_rng(seed)
+        sizes = {"n_theta": self.noise, "n_w": self.speed_noise or 0.0}
+        return {k: random.normal(0.0, size, samples) for k, size in sizes.items()}
 
-        def rates(x: Any, share: float) -> Any:
-            given = [a + share * (b - a) for a, b in zip(last, now, strict=True)]
-            return signals(self.system.updfcn(t, x, signals(given), params))
+    def still(self) -> Sensing:
+        """The same drive without noise, but with the steps of its encoder."""
+        return replace(self, noise=0.0, speed_noise=None if self.speed_noise is None else 0.0)
 
-        x, h = start, self.dt / self.steps
-        for k in range(self.steps):
-            first, middle, end = (np.array([k, k + 0.5, k + 1]) / self.steps).tolist()
-            k1 = rates(x, first)
-            k2 = rates(x + 0.5 * h * k1, middle)
-            k3 = rates(x + 0.5 * h * k2, middle)
-            k4 = rates(x + h * k3, end)
-            x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-        return signals(np.where(signals(s[-1:])[0] < 0.5, start, x))
+    def quiet(self) -> Sensing:
+        """The same drive with an exact sensor."""
+        return Sensing(self.dt, 0.0, 0.0, None if self.speed_noise is None else 0.0, self.delay)
+
+
+@dataclass(frozen=True)
+class _Encoder(Steady):
+    """theta_m = q round((theta + n_theta)/q), w_m its difference or w + n_w; or the state."""
+
+    step: float
+    dt: float
+    own: bool
+    moves: bool
+
+    def __call__(self, t: Any, x: Any, v: Any, params: Any) -> np.ndarray:
+        angle = rounded(v[0] + v[2], self.step)
+        if self.moves:
+            return np.array([angle])
+        return np.array([angle, v[1] + v[3] if self.own else (angle - x[0]) / self.dt])
+
+
+def rounded(x: Any, step: float) -> Any:
+    """x to the nearest multiple of a step, 0 for none; in arithmetic that the engine can trace."""
+    return step * ((x / step + WHOLE) - WHOLE) if step else x
+
+
+def encoder(sensing: Sensing, seen: tuple[str, str] = ("theta", "w")) -> ct.NonlinearIOSystem:
+    """The sensor as a block: inputs ``seen``, n_theta, n_w, outputs theta_m, w_m."""
+    given = (sensing.resolution, sensing.dt, sensing.speed_noise is not None)
+    return ct.nlsys(
+        _Encoder(*given, moves=True),
+        _Encoder(*given, moves=False),
+        inputs=[*seen, "n_theta", "n_w"],
+        outputs=["theta_m", "w_m"],
+        states=["last"],
+        dt=sensing.dt,
+        name="encoder",
+    )
+
+
+_dtbtrs: Any = lapack.dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
+KEYS = ("sigma0", "Fc", "Fs", "vs")
+
+
+def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0.0) -> np.ndarray:
+    """The bristle deflection z of the LuGre law along a velocity that is held between samples.
+
+    z[k+1] = e^(-a dt) z[k] + (1 - e^(-a dt)) w[k]/a, a = sigma0 |w[k]| / h(w[k]).
+
+    Parameters
+    ----------
+    w : (N,) or (L, N) array_like
+        Velocity in rad/s, one record or L of them.
+    dt : float
+        Sample time in s.
+    p : Parameters or Model
+        Of a LuGre drive; gives sigma0, Fc, Fs, vs, and delta where it has one.
+    z0 : float or (L,) array_like
+        Deflection in rad at the first sample.
+
+    Returns
+    -------
+    ndarray
+        z in rad, of the shape of w; z[0] = z0.
+
+    Raises
+    ------
+    InputError
+        For a dt that is not positive, a NaN in the velocity, shapes that do not fit, or a LuGre
+        parameter without a value.
+
+    Notes
+    -----
+    Exact for a velocity that is constant between samples, at any speed. The velocity of a real
+    drive varies between samples, which leaves an error of first order in dt. Source paper, eq.
+    LuGre1, evaluated by the friction law's own function.
+
+    Examples
+    --------
+    A slow reversal: the bristles bend by h(w)/sigma0, one way and then the other.
+
+    >>> p = lg.table1()
+    >>> w = np.repeat([0.1, -0.1], 500)
+    >>> z = lg.deflection(w, dt=1e-3, p=p)
+    >>> np.round(1e3 * z[[499, 999]], 2)  # mrad
+    array([ 1.1, -1.1])
+    """
+    dt = positive(dt, "dt, the sample time,", "seconds")
+    speed = array(w, "w")
+    if speed.ndim not in (1, 2) or not speed.shape[-1]:
+        raise InputError(f"w must be (N,) or (L, N), not {speed.shape}.")
+    speed = np.ascontiguousarray(np.atleast_2d(speed))
+    if not np.isfinite(speed).all():
+        lane, k = np.argwhere(~np.isfinite(speed))[0]
+        raise InputError(f"the velocity is {speed[lane, k]} at sample {k}: fill the gap first.")
+    start = array(z0, "z0")
+    if start.shape not in ((), (len(speed),)) or not np.all(np.isfinite(start)):
+        raise InputError(f"z0 must be a finite number or {len(speed)} of them.")
+    values = _values(p)
+    z = np.empty((len(speed), speed.shape[1] + 1))
+    z[:, 0] = start
+    with np.errstate(all="ignore"):  # dz/dt = b - a z at held w
+        b = bristle(speed, 0.0, *values)
+        a = b - bristle(speed, 1.0, *values)
+    for row in range(len(speed)):
+        _advance(a[row], b[row], dt, z[row])
+    return z[:, :-1].reshape(np.shape(w))
+
+
+def _values(p: Parameters | Model) -> tuple[float, ...]:
+    model = as_model(p, "p")
+    have = model.values()
+    law = model.friction.block
+    if law.states and law.name != "lugre":
+        raise InputError(f"{model.name} has '{law.name}' friction: deflection is for LuGre alone.")
+    keys = (*KEYS, "delta") if "delta" in have else KEYS
+    missing = [k for k in keys if have.get(k) is None]
+    if missing:
+        raise InputError(
+            f"{model.name} gives no {', '.join(missing)}: the deflection needs a LuGre model."
+        )
+    values = {k: float(have[k]) for k in keys}  # pyright: ignore[reportArgumentType]
+    law.check(values)
+    return tuple(values.values())
+
+
+def _advance(a: np.ndarray, b: np.ndarray, dt: float, z: np.ndarray) -> None:
+    """In one step z covers the share 1 - e^(-a dt) of the distance to b/a, and changes by b dt if a
+    is 0: a unit lower bidiagonal system of equations."""
+    n, moving, less = len(a), a > 0.0, np.expm1(-dt * a)
+    gain = np.where(moving, -less / np.where(moving, a, 1.0), dt)
+    band = np.empty((2, n + 1), order="F")
+    band[1, :n] = -1.0 - less
+    z[1:] = gain * b
+    z[:], _ = _dtbtrs(band, z, uplo="L", diag="U")

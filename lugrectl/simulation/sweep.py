@@ -1,24 +1,25 @@
-"""Sweeps: many runs of one system, checked once, and shared out among workers."""
+"""Sweeps: many runs of one system, checked once, shared out among workers, and their result."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import pickle
 import warnings
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..core.display import Row
 from ..core.errors import Diverged, InputError
 from ..core.jobs import JobError, run_jobs
 from ..core.progress import Wanted, bar_for, reporter, shows_progress
+from ..core.result import Result, library, plain
 from ..core.validation import array, shown, whole
+from ..core.views import view
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.adaptive_run import Accuracy, Course, Engine
 from ..engine.runtime.backend import threads
@@ -26,16 +27,176 @@ from ..engine.runtime.delays import lates
 from ..engine.runtime.endings import bounded, first_bad
 from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net
-from ..engine.tracing.tracer import widths
 from . import arguments
 from .response import net_of, simulate
-from .sweep_result import Sweep
 
 _FORMS = "a dict of columns, a list of dicts, a structured array or a DataFrame"
 _BLOCK = 32e6  # bytes of results in one task, about
 _MOST = 256  # members in one task
 _ASKED_AHEAD = 16  # number of workers assumed for an executor that does not give it
-_SENT = ("inputs", "reduce")  # functions of the user, which other processes may need
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Sweep(Result):
+    """Many runs of one system. ``sweep["w"]`` is one signal of all members, (L, N).
+
+    Attributes
+    ----------
+    name : str
+        Name of the system.
+    t : (N,) ndarray
+        Times in s.
+    outputs, states : tuple of str
+        Labels of the rows of ``y`` and ``x``.
+    y : (L, ny, N) ndarray or None
+        Outputs; nan for members that failed or were not run; None with ``reduce``.
+    x : (L, nx, N) ndarray or None
+        The requested states.
+    reduced : (L, ...) ndarray or None
+        The result of ``reduce`` for each member.
+    params : dict of (L,) ndarray
+        The table of parameters.
+    members : (L,) ndarray
+        Numbers of the members (for a chunk: within the whole sweep).
+    done : (L,) ndarray of bool
+        Members that were run, with or without success.
+    failed : dict
+        Number of a failed member -> a sentence on what happened.
+    coarse : dict
+        Number of a member whose sign or comparison switched without end -> the time in s.
+    message : str or None
+        A note on the sweep as a whole.
+
+    Examples
+    --------
+    What became of three values of Coulomb friction:
+
+    >>> table = {"plant.Fc": [0.25, 0.285, 0.32]}
+    >>> t = np.linspace(0.0, 1.0, 501)
+    >>> s = lg.sweep(lg.velocity_loop(lg.table1(), "proposed"), t, 0.1 * np.sin(6.28 * t), table)
+    >>> s["w"].shape, bool(s.done.all()), s.failed
+    ((3, 501), True, {})
+    """
+
+    name: str
+    t: np.ndarray
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    y: np.ndarray | None
+    x: np.ndarray | None
+    reduced: np.ndarray | None
+    params: Mapping[str, np.ndarray]
+    members: np.ndarray
+    done: np.ndarray
+    failed: Mapping[int, str] = field(default_factory=dict)
+    coarse: Mapping[int, float] = field(default_factory=dict)
+    message: str | None = None
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def __getitem__(self, signal: str) -> np.ndarray:
+        for labels, values in ((self.outputs, self.y), (self.states, self.x)):
+            if signal in labels and values is not None:
+                return values[:, labels.index(signal)]
+        there = ", ".join([*(self.outputs if self.y is not None else ()), *self.states])
+        raise InputError(f"this sweep holds no signal '{signal}'; it holds {there or 'none'}.")
+
+    @property
+    def ok(self) -> np.ndarray:
+        """(L,) bool: the members that succeeded."""
+        return self.done & ~np.isin(self.members, list(self.failed))
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python: sizes, ranges of parameters, what failed (the first ten)."""
+        return plain(
+            {
+                "system": self.name,
+                "members": len(self),
+                "done": int(self.done.sum()),
+                "succeeded": int(self.ok.sum()),
+                "failed": len(self.failed),
+                "failures": dict(sorted(self.failed.items())[:10]),
+                "coarse": len(self.coarse),
+                "samples": len(self.t),
+                "duration": float(self.t[-1] - self.t[0]),
+                "outputs": self.outputs,
+                "states": self.states,
+                "parameters": self._ranges(),
+                "message": self.message,
+            }
+        )
+
+    def to_pandas(self) -> Any:
+        """A DataFrame: a row for each member and time, a column for each signal.
+
+        With ``reduce``: a row for each member, with its parameters. Raises InputError if pandas
+        is not installed.
+        """
+        pandas = library("pandas")
+        index = pandas.Index(self.members, name="member")
+        if self.reduced is not None:
+            flat = self.reduced.reshape(len(self), -1)
+            names = [f"reduced{i}" for i in range(flat.shape[1])]
+            names = ["reduced"] if self.reduced.ndim == 1 else names
+            columns = {k: flat[:, i] for i, k in enumerate(names)}
+            return pandas.DataFrame({**self.params, **columns}, index=index)
+        both = pandas.MultiIndex.from_product([self.members, self.t], names=["member", "t"])
+        return pandas.DataFrame({k: self[k].ravel() for k in self._signals()}, index=both)
+
+    def to_frame(self) -> Any:
+        """The same as :meth:`to_pandas`."""
+        return self.to_pandas()
+
+    def to_xarray(self) -> Any:
+        """A Dataset over member and t (and those of ``reduced``), parameters as coordinates.
+
+        Raises InputError if xarray is not installed.
+        """
+        xarray = library("xarray")
+        data: dict[str, Any] = {k: (("member", "t"), self[k]) for k in self._signals()}
+        coords = {"member": self.members, "t": self.t}
+        if self.reduced is not None:
+            extra = [f"reduced_{i}" for i in range(self.reduced.ndim - 1)]
+            data["reduced"] = (("member", *extra), self.reduced)
+        beside = {k: ("member", v) for k, v in self.params.items()} | {
+            "done": ("member", self.done)
+        }
+        taken = {*data, *coords}
+        renamed = {f"parameter {k}" if k in taken else k: v for k, v in beside.items()}
+        return xarray.Dataset(data, {**coords, **renamed}, {"system": self.name})
+
+    def plot(self, ax: Any = None, output: str | None = None) -> Any:
+        """Median and the band from 5 to 95 % of one output (the first); returns the Axes.
+
+        Draws into ``ax``, or into a new figure that shows itself.
+        """
+        return view("loop_plots.sweep")(self, ax, output)
+
+    def _signals(self) -> list[str]:
+        outputs = self.outputs if self.y is not None else ()
+        return list(dict.fromkeys([*outputs, *self.states]))
+
+    def _ranges(self) -> dict[str, list[Any]]:
+        known = {k: v for k, v in self.params.items() if not np.all(np.isnan(v))}
+        return {k: [np.nanmin(v), np.nanmax(v)] for k, v in known.items()}
+
+    def __str__(self) -> str:
+        said = f"{self.name}: {int(self.ok.sum())} of {len(self)} members simulated"
+        said += f", {len(self.failed)} failed" if self.failed else ""
+        return said + f", {len(self.t)} samples to {self.t[-1]:g} s."
+
+    def _title(self) -> str:
+        return f"Sweep {self}"
+
+    def _rows(self) -> Iterable[Row]:
+        ranges = [*self._ranges().items()][:6]
+        return [
+            Row("signals", ", ".join(self._signals()) or "none"),
+            *(Row(k, f"{low:.6g} to {high:.6g}") for k, (low, high) in ranges),
+            *(Row(f"member {i}", said) for i, said in sorted(self.failed.items())[:3]),
+        ]
+
 
 Task = tuple[range, np.ndarray, np.ndarray, Sequence[Any] | None]  # members, p, x0, seeds
 # of a member: y, the requested states, what ``reduce`` made of y, unsettled time; or what failed
@@ -95,10 +256,8 @@ def sweep(
         not be picklable. Workers need lugrectl, and a C compiler or numba if this process has one.
     jobs : int
         Without ``executor``: with a C compiler or numba, the number of threads (default: all
-        cores). Without them members run one after the other by default, because Python threads
-        would not run in parallel and new processes would re-run a script without
-        ``if __name__ == "__main__":``; ``jobs`` above 1 starts that many processes. With
-        ``executor``: its number of workers, if it does not give it itself.
+        cores). Without them members run one after the other, because Python threads would not run
+        in parallel. With ``executor``: its number of workers, if it does not give it itself.
     chunk : int
         Members in a task; default by the number of workers and the size of the results.
     progress : callable, True, False or None
@@ -119,8 +278,8 @@ def sweep(
     Raises
     ------
     InputError
-        For a table of unknown form, numbers of members that differ, unknown names, shapes that
-        do not fit, and a function that cannot be sent to a process.
+        For a table of unknown form, numbers of members that differ, unknown names, and shapes
+        that do not fit.
 
     Notes
     -----
@@ -218,10 +377,8 @@ def sweep_chunks(
     True
     """
     how = hold, rtol, executor, jobs, chunk, reduce
-    made, bar = (
-        _prepared(system, t, inputs, params, (x0, seeds, outputs, states), how),
-        bar_for(progress),
-    )
+    made = _prepared(system, t, inputs, params, (x0, seeds, outputs, states), how)
+    bar = bar_for(progress)
     answers = made.answers(bar)
 
     def parts() -> Iterator[Sweep]:
@@ -239,15 +396,12 @@ def sweep_chunks(
 
 @dataclass(frozen=True)
 class _Plan:
-    """The data common to all members: all that a worker needs.
-
-    ``engine`` is generated code, which can be sent to other processes; None: the ``system`` is
-    simulated member by member in this one.
-    """
+    """What a worker needs. ``engine`` is code, which can be sent to other processes; None: the
+    ``system`` is simulated member by member in this one."""
 
     engine: Engine | None
     system: Any
-    name: str
+    net: str
     labels: tuple[str, ...]  # of the inputs
     inputs: Any  # (m, N), or a function
     outputs: tuple[str, ...]
@@ -259,60 +413,60 @@ class _Plan:
     rtol: float
     reduce: Callable[[np.ndarray, np.ndarray], Any] | None
 
+    @property
+    def is_free(self) -> bool:
+        """Whether other threads run beside a member: compiled code lets them."""
+        return self.engine is not None and self.engine.backend != "python"
 
-def _work(plan: _Plan, task: Task) -> list[Answer]:
-    """Simulate all members of a task."""
-    engine = plan.engine and plan.engine.loaded()
-    index, p, x0, seeds = task
-    found: list[Answer] = []
-    for row, member in enumerate(index):
-        try:
-            seed = member if seeds is None else np.random.default_rng(seeds[row])
-            found.append(_simulated(plan, engine, p[row], x0[row], seed))
-        except Exception as error:  # of the member or of a user's function: stored, not raised
-            found.append(JobError.of(member, error).sentence)
-    return found
+    def work(self, task: Task) -> list[Answer]:
+        """Simulate all members of a task."""
+        engine = self.engine and self.engine.loaded()
+        index, p, x0, seeds = task
+        found: list[Answer] = []
+        for row, member in enumerate(index):
+            try:
+                seed = member if seeds is None else np.random.default_rng(seeds[row])
+                found.append(self._answer(engine, p[row], x0[row], seed))
+            except Exception as error:  # of the member or of a user's function: stored, not raised
+                found.append(JobError.of(member, error).sentence)
+        return found
 
+    def _answer(self, engine: Engine | None, p: np.ndarray, x0: np.ndarray, seed: Any) -> Answer:
+        u = self.inputs
+        if np.isnan(p).any():
+            raise InputError(f"parameter {self.parameters[int(np.argmax(np.isnan(p)))]} is nan.")
+        if not np.all(np.isfinite(x0)):
+            raise InputError("x0 is not finite.")
+        if callable(u):
+            with _named("inputs"):  # with seeds random numbers depend on the member's seed only
+                u = arguments.inputs(self.net, self.labels, self.t, u(seed))
+        x, y, unsettled = (
+            self._one_by_one(u, x0, p) if engine is None else self._traced(engine, u, x0, p)
+        )
+        kept = x[self.keep] if self.keep else None
+        if self.reduce is None:
+            return y, kept, None, unsettled
+        with _named("reduce"):
+            return None, kept, np.asarray(self.reduce(self.t, y), dtype=float), unsettled
 
-def _simulated(
-    plan: _Plan, engine: Engine | None, p: np.ndarray, x0: np.ndarray, seed: Any
-) -> Answer:
-    u = plan.inputs
-    if np.isnan(p).any():
-        raise InputError(f"parameter {plan.parameters[int(np.argmax(np.isnan(p)))]} is nan.")
-    if not np.all(np.isfinite(x0)):
-        raise InputError("x0 is not finite.")
-    if callable(u):
-        with _named("inputs"):  # with seeds random numbers depend on the member's seed only
-            u = arguments.inputs(plan.name, plan.labels, plan.t, u(seed))
-    solved = _one_by_one(plan, u, x0, p) if engine is None else _traced(plan, engine, u, x0, p)
-    states, y, unsettled = solved
-    kept = states[plan.keep] if plan.keep else None
-    if plan.reduce is None:
-        return y, kept, None, unsettled
-    with _named("reduce"):
-        return None, kept, np.asarray(plan.reduce(plan.t, y), dtype=float), unsettled
+    def _traced(self, engine: Engine, u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Any:
+        course = Course.along(self.t, u, 0, self.hold)
+        track = engine.follow(course, x0, np.zeros(0), p, Accuracy(self.rtol))
+        labels, y = [f"output {k}" for k in self.outputs], track.y[self.rows]
+        bad = first_bad(self.t, y)
+        if bad is not None:
+            raise Diverged(f"{self.net}: {labels[bad[0]]} is {bad[2]}")
+        bounded(self.net, self.t, [y], lambda: [labels], [u, x0], looped=False)
+        return track.x, y, track.unsettled
 
-
-def _traced(plan: _Plan, engine: Engine, u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Any:
-    course, none = Course.along(plan.t, u, 0, plan.hold), np.zeros(0)
-    track = engine.follow(course, x0, none, p, Accuracy(plan.rtol))
-    labels, y = [f"output {k}" for k in plan.outputs], track.y[plan.rows]
-    bad = first_bad(plan.t, y)
-    if bad is not None:
-        raise Diverged(f"{plan.name}: {labels[bad[0]]} is {bad[2]}")
-    bounded(plan.name, plan.t, [y], lambda: [labels], [u, x0], looped=False)
-    return track.x, y, track.unsettled
-
-
-def _one_by_one(plan: _Plan, u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Any:
-    params = dict(zip(plan.parameters, p.tolist(), strict=True)) or None
-    options: dict[str, Any] = {"hold": plan.hold, "rtol": plan.rtol, "squeeze": False}
-    with warnings.catch_warnings():  # the warning was given once for all members
-        warnings.simplefilter("ignore", RuntimeWarning)
-        response = simulate(plan.system, plan.t, u, x0, params=params, **options)
-    states = np.empty((0, len(plan.t))) if response.states is None else response.states
-    return np.atleast_2d(states), np.asarray(response.outputs)[plan.rows], np.nan
+    def _one_by_one(self, u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Any:
+        params = dict(zip(self.parameters, p.tolist(), strict=True)) or None
+        options: dict[str, Any] = {"hold": self.hold, "rtol": self.rtol, "squeeze": False}
+        with warnings.catch_warnings():  # the warning was given once for all members
+            warnings.simplefilter("ignore", RuntimeWarning)
+            response = simulate(self.system, self.t, u, x0, params=params, **options)
+        x = np.empty((0, len(self.t))) if response.states is None else response.states
+        return np.atleast_2d(x), np.asarray(response.outputs)[self.rows], np.nan
 
 
 @contextlib.contextmanager
@@ -333,7 +487,6 @@ class _Prepared:
     params: Mapping[str, np.ndarray]  # (L,) each
     x0: np.ndarray  # (L, n), or (1, n) for all
     defaults: np.ndarray  # of the plan's parameters
-    columns: Mapping[int, np.ndarray]  # the values in place of them
     seeds: int | Sequence[Any] | None  # a number of generators spawned from one seed, or each seed
     count: int
     executor: Executor | None
@@ -350,33 +503,26 @@ class _Prepared:
                 seeds = seeds[here]
             starts = self.x0[here] if len(self.x0) > 1 else np.repeat(self.x0, len(index), axis=0)
             p = np.repeat(self.defaults[None], len(index), axis=0)
-            for at, values in self.columns.items():
-                p[:, at] = values[here]
+            for at, key in enumerate(self.plan.parameters):
+                p[:, at] = self.params[key][here] if key in self.params else p[:, at]
             yield index, p, starts, seeds
 
-    def answers(self, progress: Callable[[float, str], Any] | None) -> Answers:
+    def answers(self, progress: Callable[[float, str], Any]) -> Answers:
         """The members of each task with their answers, as they are done."""
         executor, pool, done = self.executor, None, 0
-        if executor is None and self.workers > 1 and _beside(self.plan):
+        if executor is None and self.workers > 1 and self.plan.is_free:
             pool = executor = ThreadPoolExecutor(self.workers)
-        work = partial(_work, self.plan)
-        found = run_jobs(work, self.tasks(), executor=executor, jobs=self.workers)
+        found = run_jobs(self.plan.work, self.tasks(), executor=executor, jobs=self.workers)
         try:
             for number, answers in found:
                 index = range(number * self.size, min((number + 1) * self.size, self.count))
                 yield index, answers
                 done += len(index)
-                if progress is not None:
-                    progress(done / self.count, f"{done} of {self.count} members")
+                progress(done / self.count, f"{done} of {self.count} members")
         finally:
             found.close()
             if pool is not None:
                 pool.shutdown(cancel_futures=True)
-
-
-def _beside(plan: _Plan) -> bool:
-    """Whether other threads run beside a member: compiled code lets them."""
-    return plan.engine is not None and plan.engine.backend != "python"
 
 
 class _Gathered:
@@ -387,8 +533,7 @@ class _Gathered:
         shapes = {"y": len(plan.rows)} if plan.reduce is None else {}
         shapes |= {"x": len(plan.keep)} if plan.keep else {}
         size = len(index), len(plan.t)
-        self.arrays = {k: np.empty((size[0], rows, size[1])) for k, rows in shapes.items()}
-        self.reduced: np.ndarray | None = None
+        self.arrays = {k: np.full((size[0], rows, size[1]), np.nan) for k, rows in shapes.items()}
         self.done = np.zeros(len(index), dtype=bool)
         self.failed, self.coarse = dict[int, str](), dict[int, float]()
         self.interrupted = False
@@ -400,42 +545,31 @@ class _Gathered:
             if isinstance(answer, str):
                 self.failed[member] = answer
                 continue
-            row = member - self.index.start
-            for name, values in zip("yx", answer, strict=False):
-                if values is not None:
-                    self.arrays[name][row] = values
+            named = zip(("y", "x", "reduced"), answer, strict=False)
+            for name, values in ((k, v) for k, v in named if v is not None):
+                if name not in self.arrays:
+                    self.arrays[name] = np.full((len(self.done), *values.shape), np.nan)
+                rows = self.arrays[name]
+                if values.shape == rows.shape[1:]:
+                    rows[member - self.index.start] = values
+                else:
+                    said = f"gave the shape {values.shape}, for another member {rows.shape[1:]}."
+                    self.failed[member] = f"reduce: {said}"
             if np.isfinite(answer[3]):
                 self.coarse[member] = float(answer[3])
-            if answer[2] is not None:
-                self._reduced(member, answer[2])
-
-    def _reduced(self, member: int, value: np.ndarray) -> None:
-        if self.reduced is None:
-            self.reduced = np.full((len(self.index), *value.shape), np.nan)
-        shape = self.reduced.shape[1:]
-        if value.shape == shape:
-            self.reduced[member - self.index.start] = value
-        else:
-            said = f"reduce: gave the shape {value.shape}, for another member {shape}."
-            self.failed[member] = said
 
     def result(self) -> Sweep:
-        made, plan, first, last = self.made, self.made.plan, self.index.start, self.index.stop
-        lost = ~self.done  # members not run, tasks that failed entirely
-        lost[[member - first for member in self.failed]] = True
-        for values in self.arrays.values():
-            values[lost] = np.nan
-        if plan.reduce is not None and self.reduced is None:
-            self.reduced = np.full(len(self.index), np.nan)
+        plan, first, last = self.made.plan, self.index.start, self.index.stop
+        none = None if plan.reduce is None else np.full(len(self.index), np.nan)
         return Sweep(
-            plan.name,
+            plan.net,
             plan.t,
             plan.outputs,
-            made.states,
+            self.made.states,
             self.arrays.get("y"),
             self.arrays.get("x"),
-            self.reduced,
-            {k: v[first:last] for k, v in made.params.items()},
+            self.arrays.get("reduced", none),
+            {k: v[first:last] for k, v in self.made.params.items()},
             np.arange(first, last),
             self.done,
             dict(sorted(self.failed.items())),
@@ -444,7 +578,7 @@ class _Gathered:
         )
 
     def _message(self) -> str | None:
-        name, count, said = self.made.plan.name, len(self.index), []
+        name, count, said = self.made.plan.net, len(self.index), []
         if self.interrupted:
             done = int(self.done.sum())
             said.append(f"interrupted: {done} of {count} members are done, the others are nan")
@@ -483,13 +617,15 @@ def _prepared(
             arguments.parameters([part.block for part in net.parts], {key: value})
     outputs = _chosen(net, "output", outputs)
     kept = _chosen(net, "state", None if states is True else states or [])
-    engine, names, defaults, places = _solver(net, full)
+    engine, defaults = _engine(net, full)
     system = None if engine else net.parts[0].block if net.alone else list(given)
     rows, keep = [*map(net.signals.index, outputs)], [*map(net.states().index, kept)]
-    labels = net.name, net.outside, inputs, outputs, rows, keep, names
+    labels = net.name, net.outside, inputs, outputs, rows, keep, tuple(defaults)
     plan = _Plan(engine, system, *labels, times, hold, rtol, reduce)
-    made = _Prepared(plan, kept, full, starts, defaults, places, seeds, count, None, 1, 1)
-    return _shared_out(made, executor, jobs, chunk)
+    values = np.array([*defaults.values()])
+    return _Prepared(
+        plan, kept, full, starts, values, seeds, count, *_shares(plan, count, executor, jobs, chunk)
+    )
 
 
 def _count(columns: Mapping[str, np.ndarray], starts: np.ndarray, seeds: Any) -> int:
@@ -506,10 +642,11 @@ def _count(columns: Mapping[str, np.ndarray], starts: np.ndarray, seeds: Any) ->
     return count
 
 
-def _shared_out(made: _Prepared, executor: Any, jobs: int | None, chunk: int | None) -> _Prepared:
-    """The same with its workers, and with so many members in a task that there are at least four
+def _shares(
+    plan: _Plan, count: int, executor: Any, jobs: int | None, chunk: int | None
+) -> tuple[Executor | None, int, int]:
+    """The executor, its workers, and the members in a task: so many that there are at least four
     tasks for each worker, and memory is bounded."""
-    plan, beside = made.plan, _beside(made.plan)
     for name, number in (("jobs", jobs), ("chunk", chunk)):
         if number is not None:
             whole(number, name, 1)
@@ -518,24 +655,13 @@ def _shared_out(made: _Prepared, executor: Any, jobs: int | None, chunk: int | N
     if plan.engine is None:
         executor, jobs = None, 1
     elif executor is None:
-        jobs = jobs or (min(threads(), os.cpu_count() or 1) if beside else 1)
-    alone = executor is None and (beside or jobs == 1)  # in this process
-    for what in () if alone or not isinstance(executor, ProcessPoolExecutor | None) else _SENT:
-        try:
-            pickle.dumps(getattr(plan, what))
-        except Exception as error:
-            raise InputError(
-                f"{what} cannot be sent to another process ({error}); "
-                "define the function at the top of a module."
-            ) from None
+        jobs = (jobs or min(threads(), os.cpu_count() or 1)) if plan.is_free else 1
     workers = jobs or getattr(executor, "_max_workers", None) or _ASKED_AHEAD
     rows = len(plan.keep) + (0 if plan.reduce else len(plan.rows))
     fitting = int(_BLOCK / (8 * len(plan.t) * max(rows, 1)))
-    size = max(1, min(fitting, _MOST, -(-made.count // (4 * workers))))
-    one_by_one = executor is None and workers == 1 and not beside
-    return replace(
-        made, executor=executor, workers=workers, size=chunk or (1 if one_by_one else size)
-    )
+    size = max(1, min(fitting, _MOST, -(-count // (4 * workers))))
+    slow = executor is None and not plan.is_free  # then each member is told
+    return executor, workers, chunk or (1 if slow else size)
 
 
 def parameter_columns(table: Any) -> dict[str, np.ndarray]:
@@ -562,25 +688,20 @@ def parameter_columns(table: Any) -> dict[str, np.ndarray]:
 
 
 def _raw_columns(table: Any) -> Mapping[Any, Any]:
-    if table is None:
-        return {}
+    table = {} if table is None else table
     if isinstance(table, Mapping):
         return table
-    if isinstance(table, np.ndarray):
-        if table.dtype.names is None:
-            raise InputError(f"params is an array without names; give {_FORMS}.")
-        return {name: table[name] for name in table.dtype.names}
     if hasattr(table, "columns_of"):  # the members of a result
         return table.columns_of("plant")
-    if hasattr(table, "columns") and hasattr(table, "to_numpy"):
-        return {name: table[name].to_numpy() for name in table.columns}
+    names = getattr(getattr(table, "dtype", None), "names", None) or getattr(table, "columns", None)
+    if names is not None:
+        return {name: np.asarray(table[name]) for name in names}
     if not isinstance(table, Sequence) or not all(isinstance(row, Mapping) for row in table):
-        raise InputError(f"params is a {type(table).__name__}; give {_FORMS}.")
+        raise InputError(f"params is a {type(table).__name__} without names; give {_FORMS}.")
     if not table:
         raise InputError("params is an empty list: there is nothing to simulate.")
     for i, row in enumerate(table):
-        odd = set(row) ^ set(table[0])
-        if odd:
+        if odd := set(row) ^ set(table[0]):
             raise InputError(
                 f"params: members 0 and {i} do not have the same parameters; "
                 f"one does not have '{sorted(map(str, odd))[0]}'."
@@ -632,56 +753,34 @@ def _seeds(seeds: Any, inputs: Any) -> int | Sequence[Any] | None:
         raise InputError("seeds must be a number of members or a list of whole numbers.") from None
 
 
-def _solver(
+def _engine(
     net: Net, columns: Mapping[str, np.ndarray]
-) -> tuple[Engine | None, tuple[str, ...], np.ndarray, Mapping[int, np.ndarray]]:
-    """Generated code, or None, with names, defaults and columns of the parameters."""
-    if not net.groups:
-        try:
-            engine, given = _engine(net, columns)
-            keys, defaults = engine.program.keys, engine.program.arguments(given)
-            places = {i: columns[k] for i, k in enumerate(keys) if k in columns}
-            p = defaults.copy()
-            for at, values in places.items():
-                p[at] = np.nanmax(values, initial=-np.inf)
-            # generated code alone cannot keep the past of a dead time
-            if not any(delay > 0.0 for delay in lates(engine.program, p).values()):
-                return engine.portable(), tuple(keys), defaults, places
-        except TraceError as error:
-            warnings.warn(
-                f"{error}; the members are simulated one by one in this process, traced "
-                "separately if possible, else by LSODA.",
-                RuntimeWarning,
-                stacklevel=4,
-            )
-    return None, tuple(columns), np.zeros(len(columns)), dict(enumerate(columns.values()))
+) -> tuple[Engine | None, Mapping[str, float]]:
+    """Generated code, or None, with the defaults of the parameters.
 
-
-def _engine(net: Net, columns: Mapping[str, np.ndarray]) -> tuple[Engine, dict[str, float]]:
-    """The compiled system, and the values that replaced defaults when it was traced.
-
-    It is traced with the system's own defaults first; then with the first member's values, for
-    keys without a default and for those needed as numbers. Of the width of a sign the largest
-    value decides whether the sign is smooth.
+    It is traced with the largest value of each column: of the width of a sign that decides whether
+    the sign is smooth, and a parameter that is needed as a number must have it in all members.
     """
-    keys = [k for part in net.parts for k in widths(part.block) if k in columns]
-    wide = {k: float(np.nanmax(columns[k])) for k in keys}
-    first = {k: float(v[0]) for k, v in columns.items()} | wide
-    for given in (wide, first):
-        try:
-            engine = compiled(net, given)
-        except (TraceError, KeyError):  # a block reads a key that has no default
-            if given == first:
-                raise
-            continue
-        program = engine.program
-        same = {k: v for k, v in program.fixed.items() if k in columns}
-        if set(columns) <= {*program.keys, *same}:
-            changing = [k for k, v in same.items() if np.any(columns[k] != v)]
-            if not changing:
-                return engine, given
-            if given == first:
+    most = {k: float(np.nanmax(v, initial=-np.inf)) for k, v in columns.items()}
+    try:
+        engine = None if net.groups else compiled(net, most)
+        if engine is not None:
+            program = engine.program
+            fixed = [k for k in program.fixed if k in columns]
+            changing = [k for k in fixed if np.any(columns[k] != program.fixed[k])]
+            if changing:
                 raise TraceError(
                     f"{net.name}: parameter {changing[0]} changes the equations themselves"
                 )
-    raise TraceError(f"{net.name}: cannot be traced with the parameters {', '.join(first)}")
+            p = program.arguments(most)
+            # generated code alone cannot keep the past of a dead time
+            if not any(delay > 0.0 for delay in lates(program, p).values()):
+                return engine.portable(), dict(zip(program.keys, p, strict=True))
+    except TraceError as error:
+        warnings.warn(
+            f"{error}; the members are simulated one by one in this process, traced "
+            "separately if possible, else by LSODA.",
+            RuntimeWarning,
+            stacklevel=4,
+        )
+    return None, dict.fromkeys(columns, 0.0)

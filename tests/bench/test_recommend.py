@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.simulation.encoder import rounded
+from lugrectl.simulation.sampled_block import rounded
 
 from ..cases.observed import P
 

@@ -13,8 +13,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.commissioning import UncertainResponseWarning
-from lugrectl.commissioning.of_record import unwrapped
+from lugrectl.commissioning.of_record import UncertainResponseWarning, unwrapped
 from lugrectl.linear import AxisAsLoopWarning
 
 J, Fc = 0.02, 0.3
@@ -105,30 +104,6 @@ def test_the_phase_is_unwrapped_along_what_is_certain():
     angle = true + np.where(sure, 0.0, np.random.default_rng(0).uniform(-3, 3, 40))
     made = unwrapped(w, np.exp(1j * angle), sure)
     assert np.allclose((made - true)[sure], 0.0) and np.abs(made - true).max() < np.pi + 0.01
-
-
-def _drift(t, w):
-    return {"name": "thermal_drift", "ratio": 5.0, "time_constant": 5.0}, 5 - 5 * np.exp(-t / 5)
-
-
-def _weight(t, w):
-    load = np.sin(np.cumsum(w) * (t[1] - t[0]))
-    gravity = {"name": "gravity", "amplitude": 1.0, "phase": 0.0}
-    effect = {"name": "load_dependent_friction", "coefficient": 0.3}
-    return [gravity, effect], np.abs(load) + load * np.sign(w) / Fc
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-@pytest.mark.parametrize("effect", [_drift, _weight])
-def test_effects_on_the_level_of_friction_are_taken_out(effect):
-    one = log()
-    effects, level = effect(one["t"], one["w"])
-    one["u"] = one["u"] + Fc * level * np.sign(one["w"])
-    model = lg.Model.of(friction="coulomb", Fc=Fc, Fv=0.0)
-    made = [lg.frequency_response(one, x) for x in (model, lg.Model.of(model, effects=effects))]
-    left, taken = (np.median(1 - x.coherence[x.frequency < 60]) for x in made)
-    assert taken < 0.5 * left
 
 
 def test_what_cannot_be_taken_out_is_named():

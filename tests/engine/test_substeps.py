@@ -75,12 +75,6 @@ def test_a_branch_that_cannot_be_traced_is_found_at_any_size(edge):
     assert largest_difference(block, 0.01, lambda t: 200 * edge + 0 * t, 0.1) < 1e-3 * edge
 
 
-def test_an_untraceable_affine_block_stays_exact():
-    block = lone(lambda x, v, p: 1.0 - float(v) * float(x))
-    y = step_response(sampled(block, 0.1), np.full((1, 5), 3.0), [0.0, 3.0, 1.0], 5)[0]
-    assert y == pytest.approx((1 - np.exp(-0.3 * np.arange(1, 6))) / 3, rel=1e-12)
-
-
 def test_a_state_that_grows_without_bound_is_named():
     block = lone(lambda x, v, p: x * x, name="burst")
     with pytest.raises(lg.Refused, match="burst: state x"):

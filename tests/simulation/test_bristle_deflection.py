@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.simulation.bristle_deflection import deflection
+from lugrectl.simulation.sampled_block import deflection
 
 P, DT = lg.table1(), 1e-3
 

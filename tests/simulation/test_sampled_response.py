@@ -5,9 +5,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.loops.friction_loops import velocity_loop
-from lugrectl.simulation.response import simulate
+from lugrectl.simulation.response import simulate, simulate_sampled
 from lugrectl.simulation.sampled_block import sampled
-from lugrectl.simulation.sampled_response import simulate_sampled
 
 from ..cases.own import row, static, user_block
 
@@ -106,8 +105,11 @@ def test_a_run_can_go_on_from_its_last_state():
             lambda t: simulate_sampled(integrator(), [gain(1.0)], t, {"q": 1.0}),
             "no external input 'q'",
         ),
-        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, [t, t]), "2 were given"),
-        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, t[1:]), "input r must be"),
+        (
+            lambda t: simulate_sampled(integrator(), [gain(1.0)], t, [t, t]),
+            "the drive needs inputs",
+        ),
+        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, t[1:]), "the drive needs inputs"),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, delay=-1), "delay"),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, x0=[1, 2]), "1 states"),
         (

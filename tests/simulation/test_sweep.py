@@ -345,9 +345,7 @@ def test_failures_come_home(pool: ProcessPoolExecutor) -> None:
     assert set(s.failed) == {3} and np.isfinite(s.y[s.ok]).all() and s.ok.sum() == 6
 
 
-def test_functions_that_cannot_be_sent_are_said_at_once(pool: ProcessPoolExecutor) -> None:
-    for how in ({"executor": pool}, {"jobs": 2}):
-        with pytest.raises(InputError, match="inputs cannot be sent .* top of a module"):
-            lg.sweep(lag(), T, lambda i: 1.0, TABLE, **how)
-        with pytest.raises(InputError, match="reduce cannot be sent"):
-            lg.sweep_chunks(lag(), T, 1.0, TABLE, reduce=lambda t, y: 0, **how)
+def test_functions_that_cannot_be_sent_are_said(pool: ProcessPoolExecutor) -> None:
+    with pytest.warns(RuntimeWarning, match="7 of 7 members failed; member 0: .*pickle"):
+        s = lg.sweep(lag(), T, lambda i: 1.0, TABLE, executor=pool)
+    assert np.isnan(s.y).all()
