@@ -5,7 +5,6 @@ command that needs them.
 from __future__ import annotations
 
 import math
-import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +17,7 @@ import lugrectl as lg
 
 from ..core.blas_threads import processors
 from ..core.errors import INTERRUPTED, UNEXPECTED, InputError, Refused
-from ..core.progress import Terminal
+from ..core.progress import bar_for
 from ..core.provenance import stamp
 from ..core.writing import write_whole
 from .inputs import (
@@ -121,7 +120,7 @@ def _fitted(work: Any, a: Namespace) -> int:
     options |= {"law": AUTO} if getattr(a, "law", None) == AUTO else {}
     record = training[0] if len(training) == 1 else training
     try:
-        with Terminal(sys.stderr) as bar:
+        with bar_for(True) as bar:
             result = work(record, model, progress=bar, **options)
     except Refused as no:
         result = refusal(no, model, [], no.plain)
@@ -143,7 +142,7 @@ def reproduce(a: Namespace) -> int:
 
     if a.out is not None:
         check_folder(a.out)
-    with Terminal(sys.stderr) as bar:
+    with bar_for(True) as bar:
         result = stamp(work(progress=bar), a.typed)
         bar(1.0, "writing")
         written = result.save(a.out) if a.out is not None else []
@@ -173,7 +172,7 @@ def each(a: Namespace) -> int:
             parse_pairs(how[what], what)
     files = [str(file) for file in record_files(a.records)]
     out = Store(a.out, files, a.model) if a.out is not None else None
-    with Terminal(sys.stderr) as bar:
+    with bar_for(True) as bar:
         fleet = run_each(
             files,
             model,

@@ -16,7 +16,7 @@ from ..core.provenance import SourceFile
 from ..core.unit_names import si_unit
 from ..core.validation import as_path, positive, shown
 from .columns import roles
-from .columns.names import Unit, role_unit
+from .columns.names import UNITS, Unit, role_unit
 from .columns.raw_numbers import check_angles, signed
 from .columns.table import FORMS, Table, is_table, row_number, table_of
 from .files.readers import read_stdin, read_table
@@ -87,9 +87,10 @@ def rows_of(
         said = [*said, f"The given rate was used in place of the column '{time}'."]
     found, asked = _units(table, choices, stated, scaled)
     motion = _motion(table.source, found, motion)
-    raw, more = table.load([c.index for c in choices])
-    if not len(raw[0]):
-        raise InputError(f"{table.source} holds column names but no data.")
+    raw, more = _loaded(table, choices)
+    if "t" in found and found["t"] is None and "t" not in scaled:
+        found["t"], note = _since_1970(table.names[choices[0].index], raw[0])
+        more += note
     raw, merging = _merged([c.role for c in choices], raw)
     unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
     taken = {role: unit for role in unstated - {"t"} if (unit := si_unit(role, motion))}
@@ -144,6 +145,30 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
         both = f"{option('rate')} and {option('columns', 't=NAME')}"
         raise InputError(f"{both} exclude each other: give one of them.")
     return rate
+
+
+def _loaded(table: Table, choices: Sequence[roles.Choice]) -> tuple[list[np.ndarray], list[str]]:
+    """The columns, with notes; those of a time in two columns, seconds and nanoseconds, as one."""
+    rest = [table.nanoseconds(c.index) if c.role == "t" else None for c in choices]
+    raw, said = table.load([c.index for c in choices] + [i for i in rest if i is not None])
+    if not len(raw[0]):
+        raise InputError(f"{table.source} holds column names but no data.")
+    if len(raw) > len(choices):
+        at, fine = [i is not None for i in rest].index(True), raw.pop()
+        whole = raw[at][np.isfinite(raw[at])]
+        raw[at] = raw[at] - (whole[0] if whole.size else 0.0) + 1e-9 * fine
+    return raw, said
+
+
+def _since_1970(name: str, t: np.ndarray) -> tuple[Unit | None, list[str]]:
+    """The unit of times since 1970, in the years from 2001 to 2096, and a note; None for others."""
+    known = t[np.isfinite(t)]
+    for unit in ("s", "ms", "us", "ns") if known.size else ():
+        one = 1e9 / UNITS[unit].factor
+        if one <= known[0] <= known[-1] < 4 * one:
+            said = f"'{name}' holds {unit} since 1970 (its unit is not stated)."
+            return UNITS[unit], [said] if unit != "s" else []
+    return None, []
 
 
 # ---- rows of several streams, on one clock ------------------------------------------

@@ -21,10 +21,9 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.validation import like_it
-from ..columns.table import Table, array_table, heads, seconds_of
+from ..columns.table import Table, array_table, heads_of, seconds_of
 from . import child_process
-from .mat_file import Opaque, read_mat
-from .text import is_stamp, lines_table, read_text, seconds
+from .text import is_stamp, read_text, seconds, text_table
 
 # Endings of the files that can be read; in a folder, files of others are passed over.
 SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
@@ -105,8 +104,7 @@ def _gzip(path: Path) -> Table:
 
 
 def _mat(path: Path) -> Table:
-    content = read_mat(path.read_bytes())
-    hidden = [name for name, value in content.items() if isinstance(value, Opaque)]
+    content, hidden = _by_child("mat", path)
     hint = "" if not hidden else (
         f"'{hidden[0]}' is an object such as a timeseries or a table, which only MATLAB can "
         f"read: save its numbers, for instance x = {hidden[0]}.Data; save('x.mat', 'x')."
@@ -171,7 +169,7 @@ def _sheet(path: Path) -> Table:
     problem = InputError(f"{path.name} holds no sheet.")
     for lines in sheets:
         try:
-            return lines_table(path.name, lines)
+            return text_table(path.name, "\n".join(lines))
         except InputError as error:
             problem = error
     raise problem
@@ -221,24 +219,23 @@ def nested_table(source: str, content: Any, hint: str = "") -> Table:
     is column 2 of the matrix x in rec."""
     found = list(_flat("", content, "", _DEPTH))
     longest = max((len(values) for *_, values in found), default=0)
-    columns = []
-    for path, label, values in found:
-        if len(values) <= max(1, _SHORT * longest):
-            continue
-        (name, _, unit), (_, plain, other) = heads([path, label or heads([path])[0][0]])
-        if values.dtype.kind in "US":
-            unit, values = "s", seconds(list(values))
-        columns.append((name, plain, unit or other, values))
-    if len(columns) < 2:
-        listed = ", ".join(name for name, *_ in columns) or "none"
+    found = [one for one in found if len(one[-1]) > max(1, _SHORT * longest)]
+    heads = heads_of([path for path, *_ in found])
+    if len(found) < 2:
+        listed = ", ".join(name for name, *_ in heads) or "none"
         raise InputError(
             f"{source} needs at least two one-dimensional numeric arrays of equal length "
             f"(found: {listed}). {hint}".rstrip()
         )
-    headed = not all(name.isdecimal() for name, *_ in columns)
-    if not headed:
-        columns = [(name, "", unit, values) for name, _, unit, values in columns]
-    return array_table(source, columns, hint, headed)
+    values: list[Any] = [x for *_, x in found]
+    for i, (own, (_, label, x)) in enumerate(zip(heads, found, strict=True)):
+        ((_, plain, unit),) = heads_of([label or own[0]])
+        dated = x.dtype.kind in "US"
+        heads[i] = own[0], plain if label else own[1], "s" if dated else own[2] or unit
+        values[i] = seconds(list(x)) if dated else x
+    headed = not all(name.isdecimal() for name, *_ in heads)
+    heads = heads if headed else [(name, "", unit) for name, _, unit in heads]
+    return array_table(source, heads, values, hint, headed)
 
 
 def _plain(value: Any) -> Any:
@@ -246,7 +243,7 @@ def _plain(value: Any) -> Any:
     kind = getattr(value, "dtype", None)
     if kind is not None and kind.names:
         return {name: value[name] for name in kind.names}
-    if kind is not None and kind.kind == "O":
+    if kind is not None and kind.kind in "OU":
         value = list(np.ravel(value))
     if isinstance(value, dict):
         columns, data = value.get("columns"), value.get("data")
