@@ -102,11 +102,12 @@ def _in_true_units(log: Log) -> Log:
         return log
     if found is None:
         return log
+    role, unit, factor, said = found
     return replace(
         log,
-        channels={**log.channels, found.role: log.channels[found.role] * found.factor},
-        labels={**log.labels, found.role: found.unit},
-        messages=(*log.messages, found.said),
+        channels={**log.channels, role: log.channels[role] * factor},
+        labels={**log.labels, role: unit},
+        messages=(*log.messages, said),
         kept=Kept(),
     )
 

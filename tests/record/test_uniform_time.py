@@ -151,25 +151,6 @@ def _jittered(n=4000, dt=1e-3):
     return dt * np.arange(n) + np.r_[0.0, dt * rng.uniform(-0.06, 0.06, n - 1)]
 
 
-@pytest.mark.parametrize("rough", [0.0, 3e-4], ids=["fine", "rough"])
-@pytest.mark.parametrize("before", [True, False], ids=["before the loss", "after it"])
-def test_a_position_s_difference_beside_lost_samples(tmp_path, before, rough):
-    """Taken from what was left it is twice as large there, else it just misses a sample."""
-    t, kept = np.arange(4000) * 1e-3, np.ones(4000, dtype=bool)
-    kept[50::150] = False
-    theta = np.sin(7 * t)
-    whole = np.diff(theta, prepend=-theta[1]) / 1e-3
-    noise = np.random.default_rng(8).normal(0, rough, len(t))
-    theta, whole = theta + noise, whole + np.diff(noise, prepend=noise[0]) / 1e-3
-    w = whole[kept] if before else np.diff(theta[kept], prepend=theta[0] - 7e-3) / 1e-3
-    np.savez(tmp_path / "a.npz", t=t[kept], u=np.sin(9 * t[kept]), w=w)
-    record = read_record(tmp_path / "a.npz")
-    if not rough:
-        np.testing.assert_allclose(record.w[1:], whole[1:], atol=1e-5)
-    lag = np.cumsum(record.w - whole) * 1e-3  # a step of 7e-3 at each loss otherwise
-    assert np.ptp(lag) < 1e-5 + 40 * rough
-
-
 @pytest.mark.parametrize("lost", [True, False], ids=["lost", "jittered"])
 def test_interpolated_samples_keep_the_sensors_resolution(tmp_path, lost):
     """A drive that rests, on an encoder: between its counts a spline has any value."""
