@@ -14,6 +14,7 @@ from ..core.numeric import column_sizes
 from ..core.option_names import option
 from ..core.unit_names import si_unit
 from .columns.names import UNITS
+from .columns.raw_numbers import asked
 from .record import Record
 from .samples.clock import plausible
 
@@ -26,6 +27,9 @@ _OFF = 0.03  # a ratio this far from 1 is reported
 _GEARS = 500.0  # the usual ratios
 _LEAST_OFFSET = 0.005  # of the RMS speed
 _DEAD = ("u", "w", "theta")
+# w in one unit and theta in another, neither stated: (w over d theta/dt, theta, w).
+_BOTH = ((60.0, "rev", "rpm"), (1 / 6, "deg", "rpm"), (360.0, "rev", "deg/s"),
+         (1 / 360, "deg", "rev/s"))  # fmt: skip
 _IGNORED = "w is ignored and the velocity is computed from theta."
 Labels = Mapping[str, str | None]
 
@@ -223,6 +227,10 @@ def unit_mistake(record: Record, labels: Labels) -> tuple[str, str, float, str] 
     if not ratio or abs(ratio - 1) <= _OFF:
         return None
     _check_time(record, labels, ratio)
+    for expected, angle, per_second in _BOTH if labels["w"] is labels["theta"] is None else ():
+        if abs(ratio / expected - 1) < _OFF:
+            why = f"w is {ratio:.4g} times d theta/dt, as with {per_second} and {angle}"
+            raise asked(record.source, why, angle, per_second)
     found: list[tuple[int, str, Any, Any]] = []
     for role in ("w", "theta"):
         label = labels.get(role)

@@ -111,11 +111,11 @@ def rows_of(
             channels[role] = values * factor
     if asked:
         raise InputError(" ".join(asked.values()))
-    if motion == "rotary":
-        check_angles(table.source, channels, rate, unstated)
     t = channels.pop("t", None)
     if t is None:
         t = np.arange(len(raw[0])) / float(rate or 1.0)
+    if motion == "rotary" and "theta" in unstated:
+        check_angles(table.source, channels["theta"], t, "w" in unstated)
     labels = {role: unit.name if unit else None for role, unit in found.items()}
     return Log(table.source, t, channels, table.where, labels, motion, tuple(said), file=file)
 

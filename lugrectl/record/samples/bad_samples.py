@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage
 
 from ...core.unit_names import si_unit
@@ -39,19 +38,10 @@ def say_missing(log: Stamped) -> None:
     """Say where the log itself holds no number, or one that no sensor gives."""
     for role in log.required:
         missing = ~np.isfinite(log.channels[role])
-        lengths = repeats(missing)
-        short = int(np.count_nonzero(missing & (lengths <= FILL)))
-        if short:
-            log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how(role)}).")
-        long = missing & (lengths > FILL)
-        if long.any():
-            first, total = int(long.argmax()), int(long.sum())
-            rows = count(int(lengths[first]), "row")
-            more = f", {total} in all" if total > lengths[first] else ""
-            log.say(
-                f"{role} has no number in {rows} from {log.place(first)} on{more}: the record is "
-                "cut there."
-            )
+        short = missing & (repeats(missing) <= FILL)
+        for rows, what in ((short, f"filled in ({how(role)})"), (missing & ~short, "cut there")):
+            if rows.any():
+                log.say(f"{role} has no number {log.places(rows)}: {what}.")
         with np.errstate(invalid="ignore"):
             huge = np.abs(log.channels[role]) >= HUGE
         _leave_out(log, role, huge, "which no sensor gives")
@@ -91,24 +81,11 @@ def _code(x: np.ndarray) -> np.ndarray:
         at = x == value
         if _FEWEST <= at.sum() <= _MOST * len(x):
             found = at & (repeats(at) <= _BRIEF)
-            if found.sum() >= max(_FEWEST, 0.8 * at.sum()) and _is_off(x, found, value):
+            plain = bridged(x, found)
+            far = np.abs(value - plain) > _limits(plain) + 0.02 * spread(plain)
+            if found.sum() >= max(_FEWEST, 0.8 * at.sum()) and far[found].mean() > 0.5:
                 return found
     return np.zeros(len(x), bool)
-
-
-def _is_off(x: np.ndarray, at: np.ndarray, value: float) -> bool:
-    """Return whether the value is mostly far outside the rows on either side."""
-    others = np.flatnonzero(~at)
-    if len(others) < 16:
-        return False
-    steps = np.abs(np.diff(x[others], append=x[others[-1]]))
-    rough = ndimage.maximum_filter1d(ndimage.median_filter(steps, 9, mode="nearest"), 9)
-    after = np.searchsorted(others, np.flatnonzero(at))
-    before, after = (after - 1).clip(0), after.clip(0, len(others) - 1)
-    low, high = np.quantile(x[others], [0.01, 0.99])
-    limit = 8 * rough[after] + 6 * resolution(x[others]) + 0.02 * (high - low)
-    far = _outside(value, x[others[before]], x[others[after]]) > limit
-    return bool(far.sum() >= _FEWEST and far.mean() > 0.5)
 
 
 # ---- outliers -----------------------------------------------------------------------
@@ -235,24 +212,9 @@ def _jumps(log: Stamped, role: str) -> Jumps:
     far = _distances(np.arange(len(speed), dtype=float), speed)
     at = np.flatnonzero(far > _limits(speed) + 6 * quiet + 3 * np.quantile(far, _RARE))
     at = at[~confirmed(log, role)[good[at + 1]]]
-    usual = np.nan_to_num(_medians(np.column_stack(_beside(speed, at))))
+    usual = bridged(speed, np.isin(np.arange(len(speed)), at))[at]
     size, margin = np.diff(values)[at] - usual * elapsed[at], 2 * np.abs(usual) + 4 * quiet
     return Jumps(good[at], good[at + 1], size, margin)
-
-
-def _beside(speed: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
-    """The usual speed of up to four rows before and after each of the rows ``at``, without them."""
-    calm = speed.copy()
-    calm[at] = np.nan
-    around = sliding_window_view(np.pad(calm, 4, constant_values=np.nan), 9)[at]
-    return [_medians(around[:, :4]), _medians(around[:, 5:])]
-
-
-def _medians(rows: np.ndarray) -> np.ndarray:
-    """The median of the numbers in each row; nan without any."""
-    some, made = np.isfinite(rows).any(1), np.full(len(rows), np.nan)
-    made[some] = np.nanmedian(rows[some], axis=1)
-    return made
 
 
 def confirmed(log: Stamped, role: str) -> np.ndarray:
@@ -381,20 +343,18 @@ def _period(values: np.ndarray, steps: np.ndarray, at: np.ndarray, motion: str) 
     travel, step = float(np.ptp(values)), quantum(values)
     if np.abs(np.delete(steps, at)).max(initial=0.0) > _SMALL * travel:
         return 0.0
-    before, after = _beside(steps, at)
-    speed = np.nan_to_num(_medians(np.column_stack([before, after])))
+    speed = bridged(steps, np.isin(np.arange(len(steps)), at))[at]
     sizes, quiet = np.abs(steps[at] - speed), resolution(values)
     period, usual = float(np.median(sizes)), 2 * float(np.median(np.abs(speed))) + 4 * quiet
-    known = [2.0**bits * step for bits in _BITS if step]
-    known += [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
-    nearest = min(known, key=lambda size: abs(size - period), default=0.0)
     alike = np.abs(sizes - period) <= 2 * np.abs(speed) + usual
     back = (np.diff(at) <= _BRIEF) & (np.diff(np.sign(steps[at])) != 0)
     if not alike.all() or (np.r_[False, back] | np.r_[back, False]).all():
         return 0.0
+    known = [2.0**bits * step for bits in _BITS if step]
+    known += [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
+    nearest = min(known, key=lambda size: abs(size - period), default=0.0)
     if abs(nearest - period) <= 2 * quiet + usual / np.sqrt(len(at)):
         return nearest
-    steady = np.abs(before - after) <= 0.3 * np.abs(speed) + quiet
-    steady &= np.abs(speed) > max(0.5 * quiet, 1e-9 * travel)
-    goes_on = not back.any() and steady.mean() > 0.6 and travel <= 1.02 * period + usual
+    moves = np.abs(speed) > max(0.5 * quiet, 1e-9 * travel)
+    goes_on = not back.any() and moves.mean() > 0.6 and travel <= 1.02 * period + usual
     return period if goes_on and period >= 20 * usual else 0.0
