@@ -15,8 +15,16 @@ from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.unit_names import si_unit
 from ..core.validation import as_path, positive, shown
-from .columns import roles
-from .columns.names import UNITS, Unit, role_unit
+from .columns.names import (
+    UNITS,
+    Choice,
+    Unit,
+    by_role,
+    choose_columns,
+    factors,
+    role_unit,
+    usual_said,
+)
 from .columns.raw_numbers import check_angles, signed
 from .columns.table import FORMS, Table, is_table, row_number, table_of
 from .files.readers import read_stdin, read_table
@@ -77,11 +85,11 @@ def rows_of(
     motion: str | None = None,
 ) -> Log:
     """The rows of a log in units stated or assumed; arguments as of :func:`read_record`."""
-    named, stated = roles.by_role(columns, "columns"), roles.by_role(units, "units")
-    scaled = roles.factors(scale)
+    named, stated = by_role(columns, "columns"), by_role(units, "units")
+    scaled = factors(scale)
     rate = None if rate is None else _rate(rate, named)
     table, file = _opened(path, named)
-    choices, said = roles.choose_columns(table, named, need_time=rate is None)
+    choices, said = choose_columns(table, named, need_time=rate is None)
     if rate and choices[0].role == "t":
         time = table.names[choices.pop(0).index]
         said = [*said, f"The given rate was used in place of the column '{time}'."]
@@ -94,7 +102,7 @@ def rows_of(
     raw, merging = _merged([c.role for c in choices], raw)
     unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
     taken = {role: unit for role in unstated - {"t"} if (unit := si_unit(role, motion))}
-    said = [*more, *roles.usual_said(table, choices, named, taken), *said, *merging]
+    said = [*more, *usual_said(table, choices, named, taken), *said, *merging]
     channels = {}
     for choice, column in zip(choices, raw, strict=True):
         role, unit = choice.role, found[choice.role]
@@ -147,7 +155,7 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
     return rate
 
 
-def _loaded(table: Table, choices: Sequence[roles.Choice]) -> tuple[list[np.ndarray], list[str]]:
+def _loaded(table: Table, choices: Sequence[Choice]) -> tuple[list[np.ndarray], list[str]]:
     """The columns, with notes; those of a time in two columns, seconds and nanoseconds, as one."""
     rest = [table.nanoseconds(c.index) if c.role == "t" else None for c in choices]
     raw, said = table.load([c.index for c in choices] + [i for i in rest if i is not None])
@@ -175,10 +183,10 @@ def _since_1970(name: str, t: np.ndarray) -> tuple[Unit | None, list[str]]:
 
 
 def _merged(
-    names: Sequence[str], columns: Sequence[np.ndarray]
+    roles: Sequence[str], columns: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[str]]:
     """Columns on the rows of the motion, where merged topics leave empty cells, and a sentence."""
-    by = dict(zip(names, columns, strict=True))
+    by = dict(zip(roles, columns, strict=True))
     base = next((role for role in ("theta", "w") if role in by), None)
     if base is None or "t" not in by or "u" not in by:
         return list(columns), []
@@ -189,7 +197,7 @@ def _merged(
         return list(columns), []
     if np.sum(np.isfinite(by["u"]) & stamped) < 2 or np.any(np.diff(t[stamped]) < 0):
         return list(columns), []
-    made = [by[r][rows] if r in ("t", base) else _at_rows(r, t, by[r], rows) for r in names]
+    made = [by[r][rows] if r in ("t", base) else _at_rows(r, t, by[r], rows) for r in roles]
     said = (
         f"u and {base} stand in different rows: the {len(rows)} rows of {base} were used, with "
         "the torque held between its own rows."
@@ -216,7 +224,7 @@ def _at_rows(role: str, t: np.ndarray, x: np.ndarray, rows: np.ndarray) -> np.nd
 
 def _units(
     table: Table,
-    choices: Sequence[roles.Choice],
+    choices: Sequence[Choice],
     stated: Mapping[str, str],
     scaled: Mapping[str, float],
 ) -> tuple[dict[str, Unit | None], dict[str, str]]:

@@ -67,7 +67,7 @@ def test_isolated_missing_samples_are_filled(tmp_path, mark):
     assert np.all(record.u[98:101] == record.u[97])  # held
     assert record.theta is not None
     assert record.theta[898] == pytest.approx((log["theta"][897] + log["theta"][899]) / 2)
-    assert any(m.startswith("u is missing in 4 samples") for m in record.messages)
+    assert any(m.startswith("u has no number in 4 rows") for m in record.messages)
 
 
 @pytest.mark.parametrize("column", [0, 1, 2, 3])
