@@ -306,27 +306,21 @@ def choose_columns(
         if taken[choice.index] > 1:
             twice = f"column '{named[role]}' is given to more than one role"
             raise InputError(f"{option('columns')}: {twice}.")
-    doubtful: dict[str, str] = {}  # what to say of roles that several columns may be
+    doubtful: dict[str, list[int]] = {}  # roles that several columns may be
     said: list[str] = []
     for role in (r for r in ROLES if r not in named):
         free = [i for i in range(len(table.names)) if i not in taken]
         fits, implied = fitting(table.plain, role, free)
-        if len(fits) > 1:
-            among = _among(table, role, fits)
-            if not _same(table, fits):
-                doubtful[role] = among
-                continue
-            said.append(f"{among}; they hold the same values.")
-        if fits:
+        if len(fits) > 1 and not _same(table, fits):
+            doubtful[role] = fits
+        elif fits:
             choices[role] = Choice(role, fits[0], implied)
-    _complete(table, choices, doubtful, need_time)
-    said += [f"{among}; it was left out." for among in doubtful.values()]
-    missing = next((r for r in ("w", "theta") if r not in {*choices, *doubtful, *named}), None)
-    unused = _unused(table, choices.values())
-    if not {"w", "theta"} & set(named) and missing and unused:  # its name may be misspelt
-        given = option("columns", f"{missing}=NAME")
-        start = f"No column was found for {missing}; not used: {unused}."
-        said.append(f"{start} If {missing} is among them, give {given}.")
+            said += [f"{_among(table, role, fits)}; they hold the same values."] * (len(fits) > 1)
+    needed = [("t",)] * need_time + [("u",), ("w", "theta")]
+    missing = [roles for roles in needed if not set(roles) & set(choices)]
+    if missing:
+        raise _asked(table, choices, doubtful, missing)
+    said += [f"{_among(table, r, fits)}; it was left out." for r, fits in doubtful.items()]
     return [choices[role] for role in ROLES if role in choices], said
 
 
@@ -354,47 +348,31 @@ def _by_name(table: Table, role: str, name: str) -> Choice:
     return Choice(role, fits[0], usual_unit(role, table.plain[fits[0]]))
 
 
-def _complete(
-    table: Table, choices: Mapping[str, Choice], doubtful: Mapping[str, str], need_time: bool
-) -> None:
-    """Raise InputError if a required role has no column."""
-    needed = [("u",), ("w", "theta"), *([("t",)] if need_time else [])]
-    missing = (roles for roles in needed if not any(role in choices for role in roles))
-    roles = next(missing, None)
-    if roles is None:
-        return
-    if not choices and not doubtful:
-        raise InputError(_nothing_known(table, need_time))
-    role = next((r for r in roles if r in doubtful), roles[-1])
-    how = f": name the column with {option('columns', f'{role}=NAME')}"
-    start = doubtful.get(role, "")
-    if not start:
-        words = " or ".join(f"{r} ({_MEANING[r]})" for r in roles)
-        start = f"{table.source} has no column for {words}"
-        taken = {choice.index for choice in choices.values()}
-        free = [name for i, name in enumerate(table.names) if i not in taken and name]
-        known = {name: r for r in roles for name in (r, *usual_names(r)) if len(name) > 2}
-        near = ((known[n], c) for c in free if (n := nearest(c, known)) is not None)
-        if found := next(near, None):
-            given = option("columns", "=".join(found))
-            how = f". If '{found[1]}' is {found[0]}, rename it, or give {given}"
-    how += f", or give {option('rate', 'HZ')}" if role == "t" else ""
-    said = f"{start}; its columns are {table.listed()}{how}."
-    raise InputError(f"{said} {table.hint}".rstrip())
-
-
-def _nothing_known(table: Table, need_time: bool) -> str:
-    """A sentence for a table whose names say nothing, with the option that names its columns."""
-    roles = ["t", "u", "theta"] if need_time else ["u", "theta"]
+def _asked(
+    table: Table,
+    choices: Mapping[str, Choice],
+    doubtful: Mapping[str, list[int]],
+    missing: Sequence[Sequence[str]],
+) -> InputError:
+    """What to do where no column was found for some of the roles that are needed."""
+    taken = {choice.index for choice in choices.values()}
+    free = [i for i, name in enumerate(table.names) if i not in taken]
     clear = all(table.names) and len(set(table.names)) == len(table.names)
-    names = table.names if clear else [str(i + 1) for i in range(len(table.names))]
-    pairs = ",".join(f"{r}={n}" for r, n in zip(roles, names, strict=False))
-    said = f"{table.source} has no header (its numbers begin in {table.begins}): "
-    said += "give the numbers of its columns, counted from 1"
-    if table.headed:
-        said = f"{table.source}: its columns are {table.listed()}, which say nothing of torque and "
-        said += "motion: name them"
-    return f"{said}, for instance {option('columns', pairs)}. {table.hint}".rstrip()
+    said, pairs = [], []
+    for roles in missing:
+        role = next((r for r in roles if r in doubtful), roles[-1])
+        known = {name: r for r in roles for name in (r, *usual_names(r)) if len(name) > 2}
+        near = ((known[n], i) for i in free if (n := nearest(table.names[i], known)) is not None)
+        role, i = next(near, (role, doubtful.get(role, [*free, -1])[0]))
+        free = [k for k in free if k != i]
+        pairs.append(f"{role}={'NAME' if i < 0 else table.names[i] if clear else i + 1}")
+        words = " or ".join(f"{r} ({_MEANING[r]})" for r in roles)
+        none = f"{table.source} has no column for {words}"
+        said.append(_among(table, role, doubtful[role]) if role in doubtful else none)
+    how = f"name them, for instance {option('columns', ','.join(pairs))}"
+    how += f", or give {option('rate', 'HZ')}" if ("t",) in missing else ""
+    text = f"{'; '.join(said)}; its columns are {table.listed()}: {how}. {table.hint}"
+    return InputError(text.rstrip())
 
 
 def _among(table: Table, role: str, fits: list[int]) -> str:
@@ -413,13 +391,6 @@ def usual_said(
         if c.role not in named and table.names[c.index] != c.role
     ]
     return [f"Columns were identified by usual names: {', '.join(found)}."] if found else []
-
-
-def _unused(table: Table, choices: Collection[Choice]) -> str:
-    """The names of the columns that have no role; "" if all have one."""
-    taken = {choice.index for choice in choices}
-    left = [f"'{name}'" for i, name in enumerate(table.names) if i not in taken and name]
-    return ", ".join(left[:6]) + (f" and {len(left) - 6} more" if len(left) > 6 else "")
 
 
 # ---- options ---------------------------------------------------------------------

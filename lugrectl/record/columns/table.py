@@ -39,8 +39,6 @@ class Table:
     load: Callable[[Sequence[int]], Columns]  # float64 columns of these indices
     where: Callable[[int], str] = row_number  # "line 2102" of a text, its header counted
     hint: str = ""  # a sentence for a table whose columns cannot be identified
-    headed: bool = True  # whether the file has names
-    begins: str = "sample 1"  # the place of the first row
 
     @classmethod
     def of(cls, source: str, heads: Sequence[Header], load: Any, *more: Any) -> Table:
@@ -85,7 +83,7 @@ def _stamps(names: Sequence[str]) -> dict[int, tuple[int, str]]:
 
 
 def array_table(
-    source: str, heads: Sequence[Header], values: Sequence[Any], hint: str = "", headed: bool = True
+    source: str, heads: Sequence[Header], values: Sequence[Any], hint: str = ""
 ) -> Table:
     """The table of columns in memory, each with its header."""
 
@@ -97,7 +95,7 @@ def array_table(
             raise InputError(f"{source}: the columns differ in length ({sizes}).")
         return chosen, []
 
-    return Table.of(source, heads, load, row_number, hint, headed)
+    return Table.of(source, heads, load, row_number, hint)
 
 
 # ---- in memory -------------------------------------------------------------------

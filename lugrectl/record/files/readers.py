@@ -233,9 +233,9 @@ def nested_table(source: str, content: Any, hint: str = "") -> Table:
         dated = x.dtype.kind in "US"
         heads[i] = own[0], plain if label else own[1], "s" if dated else own[2] or unit
         values[i] = seconds(list(x)) if dated else x
-    headed = not all(name.isdecimal() for name, *_ in heads)
-    heads = heads if headed else [(name, "", unit) for name, _, unit in heads]
-    return array_table(source, heads, values, hint, headed)
+    if all(name.isdecimal() for name, *_ in heads):
+        heads = [(name, "", unit) for name, _, unit in heads]
+    return array_table(source, heads, values, hint)
 
 
 def _plain(value: Any) -> Any:

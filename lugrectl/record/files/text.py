@@ -312,8 +312,7 @@ def text_table(source: str, text: str) -> Table:
         heads[c] = (name or "time", plain or "time", "s")
     text, numbers = _numbered(text.split("\n", first)[-1].rstrip("\n"), first + 1)
     rows = _Rows(source, text, numbers, tuple(name for name, *_ in heads), delimiter, stamped)
-    hint, begins = rows.one_in_a_row(), f"line {first + 1}"
-    return Table.of(source, heads, rows.load, Line(numbers), hint, found is not None, begins)
+    return Table.of(source, heads, rows.load, Line(numbers), rows.one_in_a_row())
 
 
 def _numbered(text: str, first: int) -> tuple[str, Sequence[int]]:
