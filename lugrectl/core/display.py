@@ -169,16 +169,9 @@ class Shown:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        left = "text-align: left; vertical-align: top"  # Jupyter's own is to the right
-        rows = "\n".join(
-            f'<tr><td style="{left}; white-space: nowrap">{html.escape(row.name)}</td>'
-            f'<td style="{left}">{html.escape(row.text() or NONE)}</td></tr>'
-            for row in self._rows()
-        )
-        title = html.escape(self._title())
-        if not rows:
-            return f"<div>{title}</div>"
-        return f"<div><strong>{title}</strong>\n<table><tbody>\n{rows}\n</tbody></table></div>"
+        rows = tuple((row.name, row.text() or NONE) for row in self._rows())
+        table = grid_html(Grid(("", ""), "ll", rows)) if rows else ""
+        return f"<div><strong>{html.escape(self._title())}</strong>\n{table}</div>"
 
 
 def brief(value: Any) -> str:

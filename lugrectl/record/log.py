@@ -108,11 +108,11 @@ def rows_of(
         role, unit = choice.role, found[choice.role]
         values, more = signed(role, column)
         said += more
-        if role in scaled or (unit is None and role not in asked):
-            name = table.names[choice.index]
-            question, note = _doubt(role, name, values, motion, found, scaled)
+        if unit is None and role not in scaled and role not in asked:
+            question, note = _doubt(role, values, motion, found)
             said += note
-            asked |= {role: f"{table.source}, column '{name}': {question}"} if question else {}
+            where = f"{table.source}, column '{table.names[choice.index]}'"
+            asked |= {role: f"{where}: {question}"} if question else {}
         factor = scaled.get(role, 1.0) * (unit.factor if unit else 1.0)
         # a mark of a missing value may be as large as a float goes, or a NaN that signals
         with np.errstate(over="ignore", invalid="ignore"):
@@ -267,28 +267,18 @@ def _motion(source: str, found: Units, given: str | None) -> str:
     return given or next(iter(motions), "rotary")
 
 
-def _doubt(
-    role: str, name: str, values: np.ndarray, motion: str, found: Units, scaled: Mapping[str, float]
-) -> tuple[str, list[str]]:
+def _doubt(role: str, values: np.ndarray, motion: str, found: Units) -> tuple[str, list[str]]:
     """What must be asked of a column without a unit by its numbers, or a note on it."""
-    unit = found[role]
-    if role in scaled:
-        per = f" (in {unit.name})" if unit else ""
-        return "", [f"{role} is {scaled[role]:g} times column '{name}'{per}."]
     values = values[np.isfinite(values)]
     largest = np.abs(values).max(initial=0)
-    whole = bool(values.size) and np.ptp(values) >= 100 and not np.any(values % 1)
-    factor, other = option("scale", f"{role}=FACTOR"), option("units", f"{role}=UNIT")
-    if role == "theta" and whole:
-        return (
-            "theta has no unit and holds whole numbers only, as encoder counts do: give "
-            f"{factor} (SI value per count) or {other}."
-        ), []
-    fast = role == "w" and "theta" not in found and largest > _FAST[motion]
-    if role not in ("u", "w") or not (whole or fast):
+    why = f"reaches {largest:.4g}"
+    if values.size and np.ptp(values) >= 100 and not np.any(values % 1):
+        why = "holds whole numbers only, as counts do"
+    elif role != "w" or "theta" in found or largest <= _FAST[motion]:
         return "", []
-    why = "holds whole numbers only" if whole else f"reaches {largest:.4g}"
-    return "", [
-        f"{role} has no unit and {why}: {si_unit(role, motion)} was assumed; if these are counts "
-        f"or another unit, give {factor} or {other}."
-    ]
+    cure = f"give {option('scale', f'{role}=FACTOR')} or {option('units', f'{role}=UNIT')}"
+    if role == "theta":
+        return f"theta has no unit and {why}: {cure}.", []
+    si = si_unit(role, motion)
+    said = f"{role} has no unit and {why}: {si} was assumed; if that is wrong, {cure}."
+    return "", [said] if role in ("u", "w") else []
