@@ -358,7 +358,7 @@ def _asked(
     taken = {choice.index for choice in choices.values()}
     free = [i for i, name in enumerate(table.names) if i not in taken]
     clear = all(table.names) and len(set(table.names)) == len(table.names)
-    said, pairs = [], []
+    said, words, pairs = [], [], []
     for roles in missing:
         role = next((r for r in roles if r in doubtful), roles[-1])
         known = {name: r for r in roles for name in (r, *usual_names(r)) if len(name) > 2}
@@ -366,11 +366,13 @@ def _asked(
         role, i = next(near, (role, doubtful.get(role, [*free, -1])[0]))
         free = [k for k in free if k != i]
         pairs.append(f"{role}={'NAME' if i < 0 else table.names[i] if clear else i + 1}")
-        words = " or ".join(f"{r} ({_MEANING[r]})" for r in roles)
-        none = f"{table.source} has no column for {words}"
-        said.append(_among(table, role, doubtful[role]) if role in doubtful else none)
+        if role in doubtful:
+            said.append(_among(table, role, doubtful[role]))
+        else:
+            words.append(" or ".join(f"{r} ({_MEANING[r]})" for r in roles))
     how = f"name them, for instance {option('columns', ','.join(pairs))}"
     how += f", or give {option('rate', 'HZ')}" if ("t",) in missing else ""
+    said += [f"{table.source} has no column for {', '.join(words)}"] if words else []
     text = f"{'; '.join(said)}; its columns are {table.listed()}: {how}. {table.hint}"
     return InputError(text.rstrip())
 

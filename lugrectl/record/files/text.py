@@ -26,7 +26,10 @@ _DAY = 86400.0
 
 
 def is_stamp(cell: str) -> bool:
-    """Whether a cell holds a time of day, 23:59:59.9, with or without a date before it."""
+    """Whether a cell holds a time of day, 23:59:59.9, with or without a date before it, or the
+    nanoseconds since 1970, which no float64 holds."""
+    if cell.strip().isdecimal():
+        return 10**18 < int(cell) < 4 * 10**18
     return ":" in cell and _STAMP.fullmatch(cell.strip()) is not None
 
 
@@ -36,6 +39,8 @@ def seconds(cells: Sequence[str]) -> np.ndarray:
     one, is the next day."""
     days: dict[str, float] = {}
     made = np.full(len(cells), np.nan)
+    if all(cell.strip().isdecimal() for cell in cells):
+        return np.array([1e-9 * (int(cell) - int(cells[0])) for cell in cells])
     for k, cell in enumerate(cells):
         match = _STAMP.fullmatch(cell.strip())
         if match is None:

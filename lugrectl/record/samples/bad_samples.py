@@ -82,7 +82,9 @@ def _code(x: np.ndarray) -> np.ndarray:
         if _FEWEST <= at.sum() <= _MOST * len(x):
             found = at & (repeats(at) <= _BRIEF)
             plain = bridged(x, found)
-            far = np.abs(value - plain) > _limits(plain) + 0.02 * spread(plain)
+            steps = ndimage.median_filter(np.abs(np.diff(plain, append=plain[-1])), 9)
+            rough = 8 * ndimage.maximum_filter1d(steps, 9) + 6 * resolution(plain)
+            far = np.abs(value - plain) > rough + 0.02 * spread(plain)
             if found.sum() >= max(_FEWEST, 0.8 * at.sum()) and far[found].mean() > 0.5:
                 return found
     return np.zeros(len(x), bool)

@@ -47,7 +47,7 @@ def put_in_time(log: Stamped) -> None:
         log.keep(~empty)
     _wild(log)
     _back(log)
-    _even_out(log)
+    use_true_times(log)
     _merge_doubles(log)
     _gaps(log)
     _jitter(log)
@@ -154,38 +154,6 @@ def nice(dt: float) -> float:
     return short if abs(short - dt) < 1e-9 * dt else float(f"{dt:.12g}")
 
 
-def _even_out(log: Stamped) -> None:
-    """Stamps rounded to few digits: the even grid that they were rounded from. Rows that are lost
-    one by one leave the same steps; then the motion is smoother over the stamps."""
-    t, x = log.t.copy(), log.motion_signal
-    for part in log.parts():
-        since, rows = t[part] - t[part.start], np.arange(part.stop - part.start)
-        if len(rows) <= FEWEST or not _rounded(since, rows):
-            continue
-        dt = nice(float(np.polyfit(rows, since, 1)[0]))
-        even = t[part.start] + dt * rows
-        ahead = np.all(np.diff(t[part]) > 0)
-        if ahead and _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
-            continue
-        t[part] = even
-        log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
-    log.t = t
-
-
-def _rounded(since: np.ndarray, rows: np.ndarray) -> bool:
-    """Whether the stamps are an even grid rounded to few digits, without jitter or loss."""
-    steps = np.diff(since)
-    typical, spread = float(np.mean(steps)), np.ptp(steps)
-    has_loss = steps.min() > 0 and steps.max() > 4 * typical
-    if typical <= 0.0 or spread < 2 * _EXACT * typical or has_loss:
-        return False
-    _, shares = np.unique(np.rint(steps / (_EXACT * typical)), return_counts=True)
-    if len(shares) != 2 or shares.min() < 0.02 * len(steps):
-        return False
-    error = since - np.polyval(np.polyfit(rows, since, 1), rows)
-    return bool(np.abs(error).max() < 0.7 * spread)
-
-
 def _merge_doubles(log: Stamped) -> None:
     """Merge rows of one stamp: the last value of a held channel, the mean of the others."""
     first = np.r_[True, np.diff(log.t) > 0] | log.new
@@ -271,7 +239,7 @@ def use_true_times(log: Stamped) -> None:
         rms = float(np.std(t - log.t))
         log.say(
             f"The motion is much smoother over an even clock than over the stamps of t: they were "
-            f"given late ({rms:.2g} s RMS), and the even clock was used."
+            f"given late or rounded ({rms:.2g} s RMS), and the even clock was used."
         )
         log.t = t
 
@@ -286,7 +254,8 @@ def _believed(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     even = line + ndimage.uniform_filter1d(late, _WIDTH, mode="nearest")
     if np.any(np.diff(even) <= 0) or np.abs(np.diff(late)).max() > 3 * np.mean(steps):
         return t  # rows are missing
-    return even if _roughness(t, x) > _SMOOTHER * _roughness(even, x) else t
+    first = np.r_[True, steps > 0]  # stamps rounded to few digits come again
+    return even if _roughness(t[first], x[first]) > _SMOOTHER * _roughness(even, x) else t
 
 
 def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.numeric import column_sizes, top_speed
-from ...core.regression import Prior, robust, spread
+from ...core.regression import TINY, Prior, robust, spread
 from ...core.unit_names import si_unit
 from ..signal_noise import quantum, repeats
 from .clock import FEWEST, typical_step
@@ -22,7 +22,7 @@ _LONGEST = 0.15  # s, half-width of the widest window
 _REST = 0.03  # of the top speed; below, friction is not known from the motion
 _QUICK = 0.3  # of the top speed; above, a law is known that has been fitted to the motion
 _SEEN = 10.0  # times as far as the usual row: beyond it, the fit extrapolates
-_ROUNDS = 4  # of the robust fit, each at the scale of the last one
+_ROUNDS = 12  # of the robust fit
 _ENOUGH = 64_000  # rows that choose the width
 _LONG = 6  # equal samples in a row that may be a stuck reading
 _AT_LIMIT = 2  # the same on the end of the channel's range
@@ -104,10 +104,12 @@ def _fit(
     if len(used) < 3 * x.shape[1]:
         return None
     size, usual = column_sizes(x[used]), spread(mean[used] - np.median(mean[used]))
-    scale = usual + 1e-12 * float(np.abs(mean[used]).max())
-    for _ in range(_ROUNDS):
-        fit = robust(x[used] / size, mean[used], Prior.free(len(size)), scale)
-        scale = spread(fit.r) * scale + 1e-12 * float(np.abs(mean[used]).max())
+    least = 1e-12 * float(np.abs(mean[used]).max()) + TINY
+    scale, weights, free = usual + least, None, Prior.free(len(size))
+    for _ in range(_ROUNDS):  # as with two degrees of freedom
+        close = scale / np.sqrt(2.0)
+        fit = robust(x[used] / size, mean[used], free, close, weights=weights, turns=1)
+        weights, scale = fit.w, spread(fit.r) * close + least
     p = fit.b / size
     # at most so much of the mean is of rows at rest
     level = 0.0 if one_way else abs(p[3])
@@ -197,7 +199,9 @@ def leave_out_untrue_torque(log: Stamped) -> None:
     groups += [np.arange(a, a + lengths[a]) for a in begins if lengths[a] >= fit.width]
     for at in groups:
         judged = missing[at][fit.judged[at]]
-        beyond = float(np.median(judged)) if len(judged) >= 5 else 0.0
+        beyond = 0.0
+        if len(judged) >= 5:  # at the end of a register some rows are right
+            beyond = float(np.quantile(judged, 0.7 if np.median(judged) > 0.0 else 0.3))
         if abs(beyond) > least:
             rows = np.isin(np.arange(len(u)), at)
             value, more = log.value("u", at[0]), f"{beyond:+.3g} {si_unit('u', log.motion)}"
