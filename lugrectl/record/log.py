@@ -123,7 +123,8 @@ def rows_of(
     if t is None:
         t = np.arange(len(raw[0])) / float(rate or 1.0)
     if motion == "rotary" and "theta" in unstated:
-        check_angles(table.source, channels["theta"], t, "w" in unstated)
+        speed = "w" in unstated if "w" in channels else None
+        check_angles(table.source, channels["theta"], t, speed)
     labels = {role: unit.name if unit else None for role, unit in found.items()}
     return Log(table.source, t, channels, table.where, labels, motion, tuple(said), file=file)
 

@@ -163,7 +163,10 @@ def _piece(
     grid = np.arange(int(at[-1] + _EXACT) + 1)
     made = {role: x[part] for role, x in log.channels.items()}
     if off or len(grid) > len(at):
-        made = {role: on_grid(role, at, x, grid, 1.0) for role, x in made.items()}
+        before = np.searchsorted(at, grid, side="right") - 1
+        for role, x in made.items():
+            held = role in HELD and not off
+            made[role] = x[before] if held else on_grid(role, at, x, grid, 1.0)
     return grid, made, off
 
 

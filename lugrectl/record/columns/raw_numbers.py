@@ -22,9 +22,9 @@ _LINES = (100, 125, 180, 200, 250, 300, 360, 400, 500, 600, 720, 800, 900, 1000,
           1800, 2000, 2500, 3000, 3600, 5000, 6000, 9000, 10000)  # fmt: skip
 
 
-def check_angles(source: str, theta: np.ndarray, t: np.ndarray, speed: bool) -> None:
-    """InputError if an angle without a unit shows that it is in deg or turns; ``speed``: there is a
-    w without a unit, too."""
+def check_angles(source: str, theta: np.ndarray, t: np.ndarray, speed: bool | None) -> None:
+    """InputError if an angle without a unit shows that it is in deg or turns; ``speed``: whether w
+    is without a unit, too, None if there is no w."""
     theta = np.where(np.abs(theta) < _MARK, theta, np.nan)
     if len(theta) < _CELLS:
         return
@@ -38,7 +38,7 @@ def check_angles(source: str, theta: np.ndarray, t: np.ndarray, speed: bool) -> 
         why = f"its step is 1/{found[1]} of a turn in {unit}, and no round part of one in rad"
     elif _wraps(theta):
         unit, why = "rev", "it wraps after 1"
-    elif fastest > _FASTEST:
+    elif fastest > _FASTEST and speed is None:
         unit, why = "deg", f"read as rad it would turn at {fastest * 30 / np.pi:.3g} rpm"
     if unit:
         raise asked(source, why, unit, f"{unit}/s" if speed else "")

@@ -194,14 +194,16 @@ def leave_out_untrue_torque(log: Stamped) -> None:
         return
     missing = fit.missing(np.nan_to_num(u))
     least = max(_least(fit, missing, unknown), _SHARE * large)
-    groups = [np.flatnonzero(limit & (u == end)) for end in (np.nanmin(u), np.nanmax(u))]
+    # at the end of a register some rows are right
+    groups = [(np.flatnonzero(u == end), 0.8) for end in np.unique(u[limit])]
     begins = np.flatnonzero(stuck & (np.diff(u, prepend=np.nan) != 0))
-    groups += [np.arange(a, a + lengths[a]) for a in begins if lengths[a] >= fit.width]
-    for at in groups:
+    groups += [(np.arange(a, a + lengths[a]), 0.5) for a in begins if lengths[a] >= fit.width]
+    for at, share in groups:
         judged = missing[at][fit.judged[at]]
         beyond = 0.0
-        if len(judged) >= 5:  # at the end of a register some rows are right
-            beyond = float(np.quantile(judged, 0.7 if np.median(judged) > 0.0 else 0.3))
+        if len(judged) >= 5:
+            share = share if np.median(judged) > 0.0 else 1.0 - share
+            beyond = float(np.quantile(judged, share))
         if abs(beyond) > least:
             rows = np.isin(np.arange(len(u)), at)
             value, more = log.value("u", at[0]), f"{beyond:+.3g} {si_unit('u', log.motion)}"
