@@ -200,13 +200,11 @@ def _tell(fleet: Fleet, a: Namespace) -> None:
     """Say why the work ended early, and what the table on stdout does not show."""
     from ..record.as_record import passed_over
 
-    done, without = len(fleet.outcomes), [o for o in fleet.outcomes if o.exit_code]
-    if without and a.json:
-        say(f"{len(without)} of {done} logs have no answer; see their reason.")
-    broken = next((o.file for o in without if o.exit_code == UNEXPECTED), None)
+    broken = next((o.file for o in fleet.outcomes if o.exit_code == UNEXPECTED), None)
     if broken:
         say(f"{broken}: unexpected error; diagnose that log alone with LUGRECTL_DEBUG=1.")
     if fleet.unfinished:
+        done = len(fleet.outcomes)
         say(f"interrupted: {done} of {done + len(fleet.unfinished)} logs done.")
     if left := passed_over(a.records):
         say(f"passed over, as no logs: {', '.join(path.name for path in left)}.")

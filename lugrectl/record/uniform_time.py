@@ -136,7 +136,13 @@ def _regular(log: Stamped) -> Record:
         if times and t[0] <= times[-1][-1]:  # its clock starts again: it follows a second later
             t = t - t[0] + times[-1][-1] + max(1.0, 10 * dt)
         times.append(t)
-    changed = log.dropped or filled or any(resampled for *_, resampled in pieces)
+    worst = max(off for *_, off in pieces)
+    if worst > _EXACT:
+        log.say(
+            f"t jitters by up to {100 * worst:.3g} % of its step of {dt:.6g} s: resampled to an "
+            "even step (u held, motion interpolated)."
+        )
+    changed = log.dropped or filled or worst > _EXACT
     resolution = {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
     return Record(
         np.concatenate(times),
@@ -155,10 +161,11 @@ def _regular(log: Stamped) -> Record:
 
 def _piece(
     log: Stamped, part: slice, ticks: np.ndarray, dt: float
-) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
-    """The grid of a part in steps, its channels there, whether the stamps are off the ``ticks``."""
+) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
+    """The grid of a part in steps, its channels there, and how far its stamps are off the ticks."""
     at = (log.t[part] - log.t[part.start]) / dt
-    off = bool(np.abs(at - ticks).max() > _EXACT)
+    worst = float(np.abs(at - ticks).max())
+    off = worst > _EXACT
     at = at if off else ticks
     grid = np.arange(int(at[-1] + _EXACT) + 1)
     made = {role: x[part] for role, x in log.channels.items()}
@@ -167,7 +174,7 @@ def _piece(
         for role, x in made.items():
             held = role in HELD and not off
             made[role] = x[before] if held else on_grid(role, at, x, grid, 1.0)
-    return grid, made, off
+    return grid, made, worst
 
 
 # ---- stretches: stamps interpolated, no more ----------------------------------------

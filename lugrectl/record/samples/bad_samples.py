@@ -3,7 +3,7 @@ codes, outliers, jumps of a position that are no motion, and motion that stands 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -31,7 +31,7 @@ _TURN = 2 * np.pi
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _SMALL = 1 / 3  # of the range, largest step beside which a wrap (above two thirds) is plain
 _BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
-_STUCK, _LONG = 3, 20  # equal samples in a row that may be a stuck sensor; of a noisy speed
+_STUCK = 3  # equal samples in a row that may be a stuck sensor
 
 
 def say_missing(log: Stamped) -> None:
@@ -192,31 +192,21 @@ def _limits(x: np.ndarray) -> np.ndarray:
 # ---- jumps of the motion ------------------------------------------------------------
 
 
-class Jumps(NamedTuple):
-    """Steps of a position that are no motion: between good row ``a`` and good row ``b``, ``size``
-    beyond the motion around, known to ``margin``."""
-
-    a: np.ndarray
-    b: np.ndarray
-    size: np.ndarray
-    margin: np.ndarray
-
-
-def _jumps(log: Stamped, role: str) -> Jumps:
-    """Find the steps of a channel that neither its speed on either side nor another signal show."""
-    x = log.channels[role]
+def _jumps(log: Stamped) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The steps of theta that neither its speed on either side nor w show: the good rows before
+    and after each, and its size beyond the motion around."""
+    x = log.channels["theta"]
     good = np.flatnonzero(np.isfinite(x))
     if len(good) < 16:
-        return Jumps(good[:0], good[:0], *np.zeros((2, 0)))
+        return good[:0], good[:0], np.zeros(0)
     values, dt = x[good], usual_step(log.t) or 1.0
     elapsed = np.maximum(np.diff(log.t[good]) / dt, 1.0)
     speed, quiet = np.diff(values) / elapsed, resolution(values)
     far = _distances(np.arange(len(speed), dtype=float), speed)
     at = np.flatnonzero(far > _limits(speed) + 6 * quiet + 3 * np.quantile(far, _RARE))
-    at = at[~confirmed(log, role)[good[at + 1]]]
+    at = at[~confirmed(log, "theta")[good[at + 1]]]
     usual = bridged(speed, np.isin(np.arange(len(speed)), at))[at]
-    size, margin = np.diff(values)[at] - usual * elapsed[at], 2 * np.abs(usual) + 4 * quiet
-    return Jumps(good[at], good[at + 1], size, margin)
+    return good[at], good[at + 1], np.diff(values)[at] - usual * elapsed[at]
 
 
 def confirmed(log: Stamped, role: str) -> np.ndarray:
@@ -239,75 +229,47 @@ def confirmed(log: Stamped, role: str) -> np.ndarray:
 
 
 def cut_at_jumps(log: Stamped) -> None:
-    """Leave out what stands still by mistake; begin a part where a position jumps else."""
-    jumps = {role: _leave_out_stuck(log, role) for role in log.motion_roles}
-    if "theta" not in jumps:
+    """Leave out runs of one position that end or begin at a jump and were not read; begin a part
+    where the position jumps else."""
+    if "theta" not in log.channels:
         return
-    found = jumps["theta"]
-    at = [b for a, b in zip(found.a, found.b, strict=True) if not log.new[a + 1 : b + 1].any()]
-    if at:
-        log.new[at] = True
-        size = f"{found.size[found.b == at[0]][0]:.4g} {si_unit('theta', log.motion)}"
-        more = f" and {count(len(at) - 1, 'time')} more" if len(at) > 1 else ""
+    x, (a, b, size) = log.channels["theta"], _jumps(log)
+    bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
+    for i, (before, after) in enumerate(zip(a, b, strict=True)):
+        start = edges[np.searchsorted(edges, before, side="right") - 1]
+        stop = edges[np.searchsorted(edges, after, side="right")]
+        back = size[i + 1 : i + 2] * (a[i + 1 : i + 2] < stop)
+        into, out_of = slice(start, before + 1), slice(after, stop)
+        sudden = _is_stuck(log, into, x[max(start - 4, 0) : start + 1])
+        bad[into] |= sudden
+        returns = stop - after >= _STUCK and bool(np.any(size[i] * back < 0))
+        bad[out_of] |= returns or _is_stuck(log, out_of, x[stop - 1 : stop + 4][::-1])
+    if bad.any():
+        first = log.value("theta", int(bad.argmax()))
+        said = f"theta stands at {first} {log.places(bad)}, and then jumps: left out."
+        log.leave_out("theta", bad, said)
+        a, b, size = _jumps(log)
+    new = [not log.new[i + 1 : j + 1].any() for i, j in zip(a, b, strict=True)]
+    if any(new):
+        b, size = b[new], size[new]
+        log.new[b] = True
+        more = f" and {count(len(b) - 1, 'time')} more" if len(b) > 1 else ""
         log.say(
-            f"theta jumps by {size} at {log.place(at[0])}{more}, which is no motion: the "
-            "parts are treated separately."
+            f"theta jumps by {size[0]:.4g} {si_unit('theta', log.motion)} at {log.place(b[0])}"
+            f"{more}, which is no motion: the parts are treated separately."
         )
 
 
-def _leave_out_stuck(log: Stamped, role: str) -> Jumps:
-    """The jumps of a channel, after leaving out runs of one value that end or begin at one: a
-    position that stops at once, a speed that loses its noise, what jumps back after it, or a
-    channel that stands still with all others, was not read."""
-    x, found = log.channels[role], _jumps(log, role)
-    bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
-    for i, (before, after) in enumerate(zip(found.a, found.b, strict=True)):
-        start = edges[np.searchsorted(edges, before, side="right") - 1]
-        stop = edges[np.searchsorted(edges, after, side="right")]
-        there, back = found.size[i], found.size[i + 1 : i + 2] * (found.a[i + 1 : i + 2] < stop)
-        returns = abs(there + back) <= 0.3 * abs(there) + 2 * found.margin[i : i + 2].sum()
-        if stop - after >= _STUCK and np.any((there * back < 0) & (returns | (role == "theta"))):
-            bad[after:stop] = True
-        for run, backward in ((slice(start, before + 1), True), (slice(after, stop), False)):
-            starts = role == "w" and x[run.start] == 0  # a drive at rest may start within a row
-            if not starts and run.stop - run.start >= _STUCK:
-                bad[run] |= _is_stuck(log, role, run, backward)
-    if not bad.any():
-        return found
-    if role == "w":  # a speed that keeps its last value now and then stands, whatever ends that
-        kept = (x != 0) & (repeats(x) > _LONG)
-        bad |= kept & _differ(x[~kept])
-    first = int(bad.argmax())
-    log.leave_out(
-        role,
-        bad,
-        f"{role} stands at {log.value(role, first)} for {count(int(bad.sum()), 'row')} from "
-        f"{log.place(first)} on and then jumps: these rows are left out.",
-    )
-    return _jumps(log, role)
-
-
-def _is_stuck(log: Stamped, role: str, run: slice, backward: bool) -> bool:
-    """Return whether the rows of one value before (``backward``) or after a jump were not read."""
-    x = log.channels[role]
-    beside = x[max(run.start - 4, 0) : run.start + 1]
-    if not backward:
-        beside = x[run.stop - 1 : run.stop + 4][::-1]
+def _is_stuck(log: Stamped, run: slice, beside: np.ndarray) -> bool:
+    """Return whether the rows of one position, with the rows ``beside`` them, were not read."""
+    if run.stop - run.start < _STUCK:
+        return False
     steps = np.diff(beside[np.isfinite(beside)])
     if len(steps) > 1:  # the motion stops or sets in at once
         usual = abs(np.median(steps))
         if usual > 3 * np.abs(np.diff(steps)).max() + 1e-12 and abs(steps[-1]) > 0.5 * usual:
             return True
-    others = (log.channels[other][run] for other in log.required)
-    if all(bool((part == part[0]).all()) for part in others):
-        return True
-    noisy = _differ(np.r_[x[: run.start], x[run.stop :]])
-    return role == "w" and run.stop - run.start >= _LONG and noisy
-
-
-def _differ(x: np.ndarray) -> bool:
-    """Return whether nearly every sample differs from the one before."""
-    return len(x) > 1 and bool(np.mean(np.diff(x) == 0) < 0.05)
+    return all(np.ptp(log.channels[role][run]) == 0 for role in log.required)
 
 
 # ---- wrapped positions --------------------------------------------------------------

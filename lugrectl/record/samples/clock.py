@@ -3,7 +3,7 @@ channels that are renewed only every k-th row."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from scipy import ndimage
@@ -14,7 +14,6 @@ from .rows import HELD, Stamped, bridged, count, means_from
 HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 FEWEST = 12  # rows in one piece; fewer show no motion
 FILL = 3  # most rows missing in a row that do not make a gap
-_EXACT = 0.01  # stamps this close to the grid (in steps) count as on it
 _JITTER = 0.2  # steps that vary by more hide missing rows
 _BESIDE = 25  # rows on either side of a gap that show whether time was lost
 _WILD = 200  # most rows in a row whose stamps are wrong while the rows around them go on
@@ -50,7 +49,6 @@ def put_in_time(log: Stamped) -> None:
     use_true_times(log)
     _merge_doubles(log)
     _gaps(log)
-    _jitter(log)
     steps = np.diff(log.t)[~log.new[1:]]
     if len(steps) and steps.max() > 0 and not plausible(typical_step(steps)):
         log.say(slow(1 / typical_step(steps), log.labels))
@@ -174,7 +172,8 @@ def _merge_doubles(log: Stamped) -> None:
 
 def _gaps(log: Stamped) -> None:
     """Begin a new part after a longer loss of rows, say it, and leave out parts of a few rows."""
-    for part, t, dt in _timed(log):
+    for part in (p for p in log.parts() if p.stop - p.start > 1):
+        t, dt = log.t[part], typical_step(np.diff(log.t[part]))
         for k in np.flatnonzero(np.diff(t) > (FILL + 1.5) * dt):
             # stamps that are only late are made up for soon
             before, after = t[max(k - _BESIDE + 1, 0) : k + 1], t[k + 1 : k + 1 + _BESIDE]
@@ -193,13 +192,6 @@ def _gaps(log: Stamped) -> None:
         )
 
 
-def _timed(log: Stamped) -> Iterator[tuple[slice, np.ndarray, float]]:
-    """Each part of two rows or more, its stamps and their step."""
-    for part in log.parts():
-        if part.stop - part.start > 1:
-            yield part, log.t[part], typical_step(np.diff(log.t[part]))
-
-
 def leave_out_scraps(log: Stamped) -> None:
     """Leave out parts that are too short to be useful, if there are others."""
     scraps = np.zeros(len(log.t), bool)
@@ -212,20 +204,6 @@ def leave_out_scraps(log: Stamped) -> None:
             "between gaps were left out."
         )
         log.keep(~scraps)
-
-
-def _jitter(log: Stamped) -> None:
-    """Say how much the stamps jitter."""
-    worst, rms, step = 0.0, 0.0, 0.0
-    for _, t, dt in _timed(log):
-        off = np.diff(t) - dt * multiples(np.diff(t), dt)
-        if min(np.abs(np.cumsum(off)).max(), np.abs(off).max()) > _EXACT * dt:
-            worst, rms, step = max(worst, np.abs(off).max()), max(rms, np.std(off)), dt
-    if worst:
-        log.say(
-            f"t jitters by up to {100 * worst / step:.3g} % of its step of {step:.6g} s "
-            f"({rms:.2g} s RMS): resampled to an even step (u held, motion interpolated)."
-        )
 
 
 def use_true_times(log: Stamped) -> None:
