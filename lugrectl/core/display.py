@@ -64,14 +64,6 @@ def _to_width(value: float, width: float) -> str:
     return number(value, min(max(1 + math.ceil(math.log10(ratio)), 3), 8) if ratio > 0 else 3)
 
 
-def to_interval(value: float, width: float, digits: int) -> str:
-    """A value in so many digits, or fewer where an interval of this width knows fewer."""
-    if not value or not 0.0 < width < math.inf:
-        return number(value, digits)
-    known = math.ceil(math.log10(PLACES * abs(value) / width))
-    return number(value, min(max(known, 1), digits))
-
-
 def show_poles(poles: Sequence[complex]) -> str:
     """Poles in 1/s in one line, a complex pair once."""
     one_each = [p for p in poles if p.imag >= 0]

@@ -1,6 +1,5 @@
 """Logs as programs and drives write them: what is read, and what the one sentence names."""
 
-import gzip
 import io
 import json
 
@@ -194,12 +193,6 @@ def test_standard_input_is_read(monkeypatch):
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(data)))
     record = same(read_record("-"))
     assert record.source == "stdin" and record.file is not None and record.file.name == "stdin"
-
-
-def test_a_compressed_text_is_read(tmp_path):
-    path = tmp_path / "a.csv.gz"
-    path.write_bytes(gzip.compress(table("t,u,theta", T, U, THETA).encode()))
-    same(read_record(path))
 
 
 # ---- nested -------------------------------------------------------------------------

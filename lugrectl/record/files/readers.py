@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import importlib.util
 import json
 import os
@@ -32,6 +31,7 @@ MODEL = ".toml"
 _OTHERS = {
     b"\xd0\xcf\x11\xe0": "an old Excel file; save it as .xlsx or CSV",
     b"SQLite format 3": "a database, as a ROS 2 bag is; export its topics as CSV",
+    b"\x1f\x8b": "a gzip archive; unpack it",
     b"\x89MCAP": "an MCAP file; export its topics as CSV, for instance with PlotJuggler",
 }
 _LONG = 160  # characters of what a library says that a sentence repeats
@@ -79,14 +79,10 @@ def read_table(path: str | Path) -> Table:
 def read_stdin() -> tuple[Table, bytes]:
     """The table on standard input, and its bytes."""
     data = sys.stdin.buffer.read()
-    return _of_bytes("stdin", data), data
-
-
-def _of_bytes(name: str, data: bytes) -> Table:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
+        path = Path(folder, "stdin")
         path.write_bytes(data)
-        return read_table(path)
+        return read_table(path), data
 
 
 def _why(error: Any) -> str:
@@ -97,10 +93,6 @@ def _why(error: Any) -> str:
 
 
 # ---- formats ------------------------------------------------------------------------
-
-
-def _gzip(path: Path) -> Table:
-    return _of_bytes(path.name.removesuffix(".gz"), gzip.decompress(path.read_bytes()))
 
 
 def _mat(path: Path) -> Table:
@@ -201,7 +193,6 @@ def _by_child(how: str, path: Path) -> Any:
 
 
 _READERS: tuple[tuple[bytes, str, Callable[[Path], Table]], ...] = (
-    (b"\x1f\x8b", "gzip", _gzip),
     (b"MATLAB 7.3", "HDF5", _hdf),
     (b"\x89HDF", "HDF5", _hdf),
     (b"MATLAB 5.0", "MAT", _mat),
