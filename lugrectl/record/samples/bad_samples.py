@@ -79,14 +79,17 @@ def _code(x: np.ndarray) -> np.ndarray:
     often = values[np.argsort(-counts)[:2]] if len(values) >= 20 else []
     for value in dict.fromkeys((0.0, *often, values[0], values[-1])) if len(often) else ():
         at = x == value
-        if _FEWEST <= at.sum() <= _MOST * len(x):
-            found = at & (repeats(at) <= _BRIEF)
-            plain = bridged(x, found)
-            steps = ndimage.median_filter(np.abs(np.diff(plain, append=plain[-1])), 9)
-            rough = 8 * ndimage.maximum_filter1d(steps, 9) + 6 * resolution(plain)
-            far = np.abs(value - plain) > rough + 0.02 * spread(plain)
-            if found.sum() >= max(_FEWEST, 0.8 * at.sum()) and far[found].mean() > 0.5:
-                return found
+        found = at & (repeats(at) <= _BRIEF)
+        if at.sum() > _MOST * len(x) or found.sum() < max(_FEWEST, 0.8 * at.sum()):
+            continue
+        plain, others = bridged(x, found), np.flatnonzero(~found)
+        after = np.searchsorted(others, np.flatnonzero(found))
+        beside = (x[others[k.clip(0, len(others) - 1)]] for k in (after - 1, after))
+        steps = ndimage.median_filter(np.abs(np.diff(plain, append=plain[-1])), 9)
+        rough = 8 * ndimage.maximum_filter1d(steps, 9) + 6 * resolution(plain)
+        far = _outside(value, *beside) > rough[found] + 0.02 * spread(plain)
+        if far.mean() > 0.5:
+            return found
     return np.zeros(len(x), bool)
 
 
