@@ -153,21 +153,6 @@ def test_a_column_of_zeros_beside_the_motion_is_no_load():
     assert record.d is None and record.messages == ("d is 0 in every row: left out.",)
 
 
-@pytest.mark.parametrize("every", [2.5, 3.75, 4.003])
-@pytest.mark.parametrize("held", [("u", "theta"), ("u",), ("theta",)])
-def test_a_clock_of_its_own_renews_a_channel_every_so_many_rows(every, held):
-    """The bus samples by its clock, the logger sees that in the first row after it."""
-    log = columns("u", "theta", rate=1000.0)
-    beat = np.floor(np.arange(6000) / every) * every
-    for role in held:
-        log[role] = np.interp(beat, np.arange(6000), log[role])
-    found, said = seen(log)
-    assert said[0].startswith(" and ".join(held)) and f"only every {every:.4g} ms" in said[0]
-    assert np.mean(np.diff(found[0].t)) == pytest.approx(every * 1e-3, rel=1e-3)
-    if "theta" in held and every < 4.0:  # at the instants of the bus, not of the rows
-        assert np.ptp(np.diff(found[0].t)) < 1e-5
-
-
 def test_a_torque_beside_a_slower_position_keeps_its_integral():
     log = columns("u", "theta", rate=1000.0)
     whole = log["u"].copy()

@@ -261,46 +261,20 @@ def _roughness(t: np.ndarray, x: np.ndarray) -> float:
 _SLOWEST = 64  # rows; a channel held for longer is one that stands
 _ON_BEAT = 0.97  # of its changes come every k-th row
 _CHANGES = 20  # that show it
-_ROUNDED = 1e-6  # rows, for rounding
 
 
-def _renewed_every(x: np.ndarray) -> tuple[float, float]:
-    """Every how many rows (2.5, if it has a clock of its own) a channel (N,) changes, and the place
-    below that where; (1, 0) if it may change in any row. NaN counts as no change."""
+def _renewed_every(x: np.ndarray) -> tuple[int, int]:
+    """Every how many rows a channel (N,) changes, and the place below that where; (1, 0) if it may
+    change in any row. NaN counts as no change."""
     good = np.flatnonzero(np.isfinite(x))
-    changes = np.diff(x[good])
-    at = good[1:][changes != 0]
+    at = good[1:][np.diff(x[good]) != 0]
     # each change off the beat spoils two distances at most
-    if len(at) < _CHANGES or np.sum(np.diff(at) == 1) > 2 * (1 - _ON_BEAT) * len(at) + 1:
-        return 1, 0
-    for every in range(_SLOWEST, 1, -1):
+    often = len(at) < _CHANGES or np.sum(np.diff(at) == 1) > 2 * (1 - _ON_BEAT) * len(at) + 1
+    for every in () if often else range(_SLOWEST, 1, -1):
         shares = np.bincount(at % every, minlength=every) / len(at)
         if shares.max() >= _ON_BEAT and len(at) >= max(_CHANGES, 0.1 * len(x) / every):
             return every, int(shares.argmax())
-    every, first = _beat(at, len(x))
-    held = np.mean((at - first) % every < 1.0) >= _ON_BEAT and 1 < every <= _SLOWEST
-    size = np.abs(changes[changes != 0])  # nearly all of one: an encoder at one speed, no beat
-    counts = np.mean(np.abs(size - np.median(size)) < 1e-6 * np.median(size)) >= _ON_BEAT
-    enough = len(at) >= max(_CHANGES, 0.1 * len(x) / every)
-    return (every, first) if held and enough and not counts else (1, 0)
-
-
-def _beat(at: np.ndarray, rows: int) -> tuple[float, float]:
-    """The even beat that most changes, in the rows ``at``, are the first row of or after."""
-    steps = np.diff(at)
-    least = np.quantile(steps, 1 - _ON_BEAT, method="higher")  # one of them: there may be few
-    rough = float(np.mean(steps[(steps >= least) & (steps <= least + 1)]))
-    size = int(2 ** np.ceil(np.log2(4 * rows)))
-    spectrum = np.abs(np.fft.rfft(np.bincount(at, minlength=rows), size))
-    low, high = (int(round(size / (rough + off))) for off in (0.5, -0.5))
-    every = size / (low + int(np.argmax(spectrum[low : high + 1])))
-    start = np.angle(np.mean(np.exp(2j * np.pi * at / every))) * every / (2 * np.pi)
-    for _ in range(2):
-        beat = np.rint((at - start) / every)
-        every, start = np.polyfit(beat, at, 1)
-    after = at - every * np.rint((at - start) / every)
-    first = float(np.quantile(after, 0.5 * (1 - _ON_BEAT)) - _ROUNDED)
-    return float(every), first % float(every)
+    return 1, 0
 
 
 def keep_renewed(log: Stamped) -> None:
@@ -320,7 +294,8 @@ def keep_renewed(log: Stamped) -> None:
         )
         del log.channels[slow.pop()]
     if "u" in found and not slow:
-        values = log.channels["u"][_rows(*found["u"], len(log.t))]
+        every, first = found["u"]
+        values = log.channels["u"][first::every]
         values = values[np.isfinite(values)]
         if len(np.unique(values)) < 0.3 * len(values):  # the same again and again: a program
             del found["u"]
@@ -332,16 +307,9 @@ def keep_renewed(log: Stamped) -> None:
         f"{' and '.join(found)} {verb} renewed only every {1e3 * every * dt:.4g} ms: only these "
         "rows are used."
     )
-    rows = _rows(every, first, len(log.t))
+    rows = np.arange(first, len(log.t), every)
     if "u" not in found:
         means = np.full(len(log.t), np.nan)
         means[rows] = means_from(rows, log.channels["u"])  # its integral is kept
         log.channels["u"] = means
     log.keep(np.isin(np.arange(len(log.t)), rows))
-    if slow and every % 1:  # its clock is even, the rows in which it was seen first are not
-        use_true_times(log)
-
-
-def _rows(every: float, first: float, rows: int) -> np.ndarray:
-    """The rows at a beat, or the first ones after it."""
-    return np.ceil(np.arange(first, rows - 1 + _ROUNDED, every)).astype(int)
