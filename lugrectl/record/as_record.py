@@ -18,7 +18,7 @@ from ..core.validation import as_path, is_file, like_it, shown
 from .columns.table import FORMS, is_table
 from .consistency import audit, fitting_speed, unit_mistake
 from .files.readers import SUFFIXES, read_table
-from .log import Kept, Log, rows_of
+from .log import Log, rows_of
 from .record import Record
 from .uniform_time import uniform, usable
 
@@ -108,7 +108,7 @@ def _in_true_units(log: Log) -> Log:
         channels={**log.channels, role: log.channels[role] * factor},
         labels={**log.labels, role: unit},
         messages=(*log.messages, said),
-        kept=Kept(),
+        kept={},
     )
 
 

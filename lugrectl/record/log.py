@@ -35,13 +35,6 @@ _TOGETHER = 0.5  # share of the rows with motion that hold u, too; below, they a
 Units = Mapping[str, Unit | None]  # by role; None where nothing says one
 
 
-class Kept(dict[Any, Any]):
-    """What was computed from the rows of a log, by their checksum; it is not pickled."""
-
-    def __reduce__(self) -> tuple[type[Kept], tuple[()]]:
-        return Kept, ()
-
-
 @dataclass(frozen=True, eq=False)
 class Log:
     """A log as it was recorded: every row of the file."""
@@ -56,7 +49,7 @@ class Log:
     cuts: tuple[int, ...] = ()  # rows known to begin a new part
     of: int = 0  # checksum of the record that was made from these rows, 0 if there is none
     file: SourceFile | None = None
-    kept: Kept = field(default_factory=Kept, repr=False, compare=False)
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # found in the rows, by checksum
 
     def checksum(self) -> tuple[object, ...]:
         """What changes with the rows, their units or their parts."""

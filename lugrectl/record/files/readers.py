@@ -244,22 +244,9 @@ def _plain(value: Any) -> Any:
         if len(value) > 20 and all(str(key).isdecimal() for key in value):  # orient="columns"
             value = list(value.values())
     if isinstance(value, (list, tuple)) and len(value) >= 20 and isinstance(value[0], dict):
-        rows = [_one_row(item) if isinstance(item, dict) else {} for item in value]
+        rows = [item if isinstance(item, dict) else {} for item in value]
         return {key: [row.get(key) for row in rows] for key in rows[0]}
     return value
-
-
-def _one_row(item: dict[Any, Any], prefix: str = "") -> dict[str, Any]:
-    """The numbers of one sample by dotted name, those of a list by index from 1."""
-    row: dict[str, Any] = {}
-    for key, value in item.items():
-        if isinstance(value, dict):
-            row |= _one_row(value, f"{prefix}{key}.")
-        elif isinstance(value, list):
-            row |= {f"{prefix}{key}[{i + 1}]": v for i, v in enumerate(value)}
-        else:
-            row[f"{prefix}{key}"] = value
-    return row
 
 
 def _flat(name: str, value: Any, label: str, depth: int) -> Flat:
