@@ -89,9 +89,7 @@ def rows_of(
     found, asked = _units(table, choices, stated, scaled)
     motion = _motion(table.source, found, motion)
     raw, more = _loaded(table, choices)
-    if "t" in found and found["t"] is None and "t" not in scaled:
-        found["t"], note = _since_1970(table.names[choices[0].index], raw[0])
-        more += note
+    more += _since_1970(table.names[choices[0].index], raw[0], {} if "t" in scaled else found)
     raw, merging = _merged([c.role for c in choices], raw)
     unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
     taken = {role: unit for role in unstated - {"t"} if (unit := si_unit(role, motion))}
@@ -162,15 +160,15 @@ def _loaded(table: Table, choices: Sequence[Choice]) -> tuple[list[np.ndarray], 
     return raw, said
 
 
-def _since_1970(name: str, t: np.ndarray) -> tuple[Unit | None, list[str]]:
-    """The unit of times since 1970, in the years from 2001 to 2096, and a note; None for others."""
+def _since_1970(name: str, t: np.ndarray, found: dict[str, Unit | None]) -> list[str]:
+    """Add the unit of times since 1970, in the years from 2001 to 2096; returns a note on it."""
     known = t[np.isfinite(t)]
-    for unit in ("s", "ms", "us", "ns") if known.size else ():
+    for unit in ("s", "ms", "us", "ns") if found.get("t", t) is None and known.size else ():
         one = 1e9 / UNITS[unit].factor
         if one <= known[0] <= known[-1] < 4 * one:
-            said = f"'{name}' holds {unit} since 1970 (its unit is not stated)."
-            return UNITS[unit], [said] if unit != "s" else []
-    return None, []
+            found["t"] = UNITS[unit]
+            return [f"'{name}' holds {unit} since 1970 (its unit is not stated)."] * (unit != "s")
+    return []
 
 
 # ---- rows of several streams, on one clock ------------------------------------------
