@@ -18,8 +18,6 @@ from .output import answer, as_json, say
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
 PAPER_K2 = 22.0
 _MADE = {"spr": "T", "bandwidth": "loop_tf", "stability": "L"}  # of which transfer function
-_BRISTLES = ("J", "sigma0", "sigma1")
-_NEEDED = {"l2": _BRISTLES, "spr": _BRISTLES, "passivity": ("sigma1", "Fc", "Fs", "Fv", "vs")}
 _ANSWERS = {  # where the property holds, and where not
     "l2": ("finite L2 gain", "no finite L2 gain"),
     "spr": ("SPR", "not SPR"),
@@ -71,7 +69,8 @@ def check(a: Namespace) -> int:
 
 def _of_loop(a: Namespace, work: Any) -> tuple[Any, dict[str, Any]]:
     """The verdict on a loop with a model, and what it is about."""
-    p, name = _parameters(a)
+    p: Any = lg.table1() if a.model is None else lg.read_model(a.model)
+    name = "Table 1" if a.model is None else p.name
     if a.property == "passivity":
         return work(p), {"model": name}
     if a.property == "l2":
@@ -84,26 +83,6 @@ def _of_loop(a: Namespace, work: Any) -> tuple[Any, dict[str, Any]]:
     filtered = {"prefilter": bool(a.prefilter)} if a.property == "bandwidth" else {}
     made = getattr(lg, f"{loop}_{_MADE[a.property]}")(p, **gains, **filtered)
     return work(made), {"loop": loop, **filtered, "model": name, "gains": gains}
-
-
-def _parameters(a: Namespace) -> tuple[Any, str]:
-    """An object with the parameters that a check needs, and the model's name."""
-    if a.model is None:
-        return lg.table1(), "Table 1"
-    model = lg.read_model(a.model)
-    needed = _NEEDED.get(a.property, ("J",))
-    values = model.values()
-    if set(needed) - set(values):
-        raise InputError(
-            f"{a.model}: {a.property} is about LuGre friction, but the file declares "
-            f"'{model.friction.block.name}'; set model = \"lugre\" with sigma0 and sigma1."
-        )
-    missing = [k for k in needed if values[k] is None]
-    if missing:
-        raise InputError(
-            f"{a.model}: {a.property} needs {' and '.join(missing)}, which the file does not give."
-        )
-    return (model if a.property == "passivity" else Namespace(**values)), model.name
 
 
 # --- a transfer function that is typed -----------------------------------------------------

@@ -5,7 +5,6 @@ command that needs them.
 from __future__ import annotations
 
 import math
-import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +17,7 @@ import lugrectl as lg
 
 from ..core.blas_threads import processors
 from ..core.errors import INTERRUPTED, UNEXPECTED, InputError, Refused
-from ..core.progress import Terminal
+from ..core.progress import bar_for
 from ..core.provenance import stamp
 from ..core.writing import write_whole
 from .inputs import (
@@ -121,7 +120,7 @@ def _fitted(work: Any, a: Namespace) -> int:
     options |= {"law": AUTO} if getattr(a, "law", None) == AUTO else {}
     record = training[0] if len(training) == 1 else training
     try:
-        with Terminal(sys.stderr) as bar:
+        with bar_for(True) as bar:
             result = work(record, model, progress=bar, **options)
     except Refused as no:
         result = refusal(no, model, [], no.plain)
@@ -143,7 +142,7 @@ def reproduce(a: Namespace) -> int:
 
     if a.out is not None:
         check_folder(a.out)
-    with Terminal(sys.stderr) as bar:
+    with bar_for(True) as bar:
         result = stamp(work(progress=bar), a.typed)
         bar(1.0, "writing")
         written = result.save(a.out) if a.out is not None else []
@@ -160,7 +159,7 @@ def each(a: Namespace) -> int:
     from ..diagnosis.fleet import run_each
     from ..record import parse_pairs
     from ..record.as_record import record_files
-    from ..report import content
+    from ..report import content, fleet_page
 
     if a.holdout not in (None, "last"):
         raise InputError(
@@ -172,8 +171,8 @@ def each(a: Namespace) -> int:
         if how[what]:
             parse_pairs(how[what], what)
     files = [str(file) for file in record_files(a.records)]
-    out = Store(a.out, files, a.model) if a.out is not None else None
-    with Terminal(sys.stderr) as bar:
+    done, links = _reports(a, files)
+    with bar_for(True) as bar:
         fleet = run_each(
             files,
             model,
@@ -183,15 +182,16 @@ def each(a: Namespace) -> int:
             progress=bar,
             keep=False,
             render=partial(content, folder=Path(a.out, "log")) if a.out else None,
-            done=out,
+            done=done,
             command=a.typed,
         )
-    written: Sequence[Path] = ()
+    index: Sequence[Path] = ()
     try:
-        written = out.index(fleet) if out and fleet.outcomes else ()
+        if a.out and fleet.outcomes:
+            index = fleet_page.write_index(fleet, Path(a.out), links)
     finally:  # print the answer even if the disk is full
         print_out(fleet.to_json() if a.json else str(fleet))
-    listed("table", written, a, ", a folder for each report")
+    listed("table", index, a, ", a folder for each report")
     _tell(fleet, a)
     return INTERRUPTED if fleet.unfinished else fleet.exit_code
 
@@ -200,58 +200,45 @@ def _tell(fleet: Fleet, a: Namespace) -> None:
     """Say why the work ended early, and what the table on stdout does not show."""
     from ..record.as_record import passed_over
 
-    done, without = len(fleet.outcomes), [o for o in fleet.outcomes if o.exit_code]
-    if without and a.json:
-        say(f"{len(without)} of {done} logs have no answer; see their reason.")
-    broken = next((o.file for o in without if o.exit_code == UNEXPECTED), None)
+    broken = next((o.file for o in fleet.outcomes if o.exit_code == UNEXPECTED), None)
     if broken:
-        say(
-            f"{broken}: unexpected error. Please report this with the command you typed; to see "
-            "where it happened, diagnose that log alone with LUGRECTL_DEBUG=1."
-        )
+        say(f"{broken}: unexpected error; diagnose that log alone with LUGRECTL_DEBUG=1.")
     if fleet.unfinished:
+        done = len(fleet.outcomes)
         say(f"interrupted: {done} of {done + len(fleet.unfinished)} logs done.")
     if left := passed_over(a.records):
         say(f"passed over, as no logs: {', '.join(path.name for path in left)}.")
 
 
-class Store:
-    """Writes the report of each log as soon as it is done, and the index at the end."""
+def _reports(a: Namespace, files: Sequence[str]) -> tuple[Any, dict[str, str]]:
+    """What writes the report of a log into --out when it is done, and the links to those that are
+    there; InputError where --out holds records."""
+    from ..report import FILES, check_folder, fleet_page, written
 
-    def __init__(self, folder: str, files: Sequence[str], model: str) -> None:
-        from ..report import FILES, check_folder
-        from ..report.fleet_page import INDEX, folder_names
+    links: dict[str, str] = {}
+    if a.out is None:
+        return None, links
+    folder, names = Path(a.out), dict(zip(files, fleet_page.folder_names(files), strict=True))
+    check_folder(a.out)
+    if any(Path(file).resolve().parent == folder.resolve() for file in files):
+        raise InputError(
+            f"--out {folder} holds records, and the next run would read summary.csv "
+            "as a record; choose another folder."
+        )
+    targets = [folder / name for name in fleet_page.INDEX]
+    targets += [folder / name / file for name in names.values() for file in FILES]
+    spare(a.out, [*files, a.model], targets)
 
-        self._folder = Path(folder)
-        self._names = dict(zip(files, folder_names(files), strict=True))
-        self._links: dict[str, str] = {}
-        check_folder(folder)
-        if any(Path(file).resolve().parent == self._folder.resolve() for file in files):
-            raise InputError(
-                f"--out {self._folder} holds records, and the next run would read summary.csv "
-                "as a record; choose another folder."
-            )
-        targets = [self._folder / name for name in INDEX]
-        targets += [self._folder / n / name for n in self._names.values() for name in FILES]
-        spare(str(self._folder), [*files, model], targets)
-
-    def __call__(self, outcome: Outcome, content: dict[str, str] | None) -> Outcome:
-        from ..report import written
-
-        name = self._names[outcome.file]
+    def done(outcome: Outcome, content: dict[str, str] | None) -> Outcome:
         try:
             if content is not None:
-                written(content, self._folder / name, "report")
-                self._links[outcome.file] = f"{name}/report.html"
+                written(content, folder / names[outcome.file], "report")
+                links[outcome.file] = f"{names[outcome.file]}/report.html"
         except InputError as no:
             return replace(outcome, exit_code=no.exit_code, reason=str(no))
         return outcome
 
-    def index(self, fleet: Fleet) -> list[Path]:
-        """Write the table with links to the reports; returns its files."""
-        from ..report.fleet_page import write_index
-
-        return write_index(fleet, self._folder, self._links)
+    return done, links
 
 
 # --- plot, bode ----------------------------------------------------------------------------

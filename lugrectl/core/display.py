@@ -64,14 +64,6 @@ def _to_width(value: float, width: float) -> str:
     return number(value, min(max(1 + math.ceil(math.log10(ratio)), 3), 8) if ratio > 0 else 3)
 
 
-def to_interval(value: float, width: float, digits: int) -> str:
-    """A value in so many digits, or fewer where an interval of this width knows fewer."""
-    if not value or not 0.0 < width < math.inf:
-        return number(value, digits)
-    known = math.ceil(math.log10(PLACES * abs(value) / width))
-    return number(value, min(max(known, 1), digits))
-
-
 def show_poles(poles: Sequence[complex]) -> str:
     """Poles in 1/s in one line, a complex pair once."""
     one_each = [p for p in poles if p.imag >= 0]
@@ -169,16 +161,9 @@ class Shown:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        left = "text-align: left; vertical-align: top"  # Jupyter's own is to the right
-        rows = "\n".join(
-            f'<tr><td style="{left}; white-space: nowrap">{html.escape(row.name)}</td>'
-            f'<td style="{left}">{html.escape(row.text() or NONE)}</td></tr>'
-            for row in self._rows()
-        )
-        title = html.escape(self._title())
-        if not rows:
-            return f"<div>{title}</div>"
-        return f"<div><strong>{title}</strong>\n<table><tbody>\n{rows}\n</tbody></table></div>"
+        rows = tuple((row.name, row.text() or NONE) for row in self._rows())
+        table = grid_html(Grid(("", ""), "ll", rows)) if rows else ""
+        return f"<div><strong>{html.escape(self._title())}</strong>\n{table}</div>"
 
 
 def brief(value: Any) -> str:

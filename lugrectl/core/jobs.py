@@ -63,7 +63,7 @@ def run_jobs(
 ) -> Generator[tuple[int, R | JobError]]:
     """``(index, function(item))`` for each item, in the order in which they are done; a JobError
     where it raised, or its process died. ``jobs`` are processes to start (1: none), or the workers
-    of an executor that does not give their number. Ctrl-C yields what is finished first."""
+    of an executor that does not give their number."""
     jobs, numbered = whole(jobs, "jobs", 1), enumerate(items)
     if executor is not None:
         workers = jobs if jobs > 1 else getattr(executor, "_max_workers", None) or _UNKNOWN
@@ -108,26 +108,17 @@ def _spread(
             if not waiting:
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                yield from _collected(future, waiting.pop(future), lost)
-    except KeyboardInterrupt:
-        for future in waiting:
-            future.cancel()
-        for future in [f for f in waiting if f.done() and not f.cancelled()]:
-            yield from _collected(future, waiting.pop(future), None)
-        raise
+                job, gone = waiting.pop(future), future.cancelled()
+                error = CancelledError("cancelled") if gone else future.exception()
+                if error is None:
+                    yield future.result()
+                elif lost is not None and isinstance(error, BrokenExecutor):
+                    lost.append(job)
+                else:
+                    yield job[0], JobError.of(job[0], error)
     finally:
         for future in waiting:
             future.cancel()
-
-
-def _collected(future: Future[Any], job: Job, lost: list[Job] | None) -> Iterator[tuple[int, Any]]:
-    error = CancelledError("cancelled") if future.cancelled() else future.exception()
-    if error is None:
-        yield future.result()
-    elif lost is not None and isinstance(error, BrokenExecutor):
-        lost.append(job)
-    else:
-        yield job[0], JobError.of(job[0], error)
 
 
 def _on_processes(

@@ -9,7 +9,8 @@ import shutil
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, ParamSpec, TextIO, TypeVar
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, ParamSpec, TypeVar
 
 from .errors import InputError
 
@@ -34,20 +35,24 @@ def shows_progress(work: Callable[P, R]) -> Callable[P, R]:
     return shown
 
 
-def bar_for(wanted: Wanted) -> Bar:
-    """What reports where the user wants to see it."""
+def bar_for(wanted: Wanted) -> AbstractContextManager[Progress]:
+    """What reports where the user wants to see it, in a ``with`` block."""
     if callable(wanted):
-        return Called(wanted)
+        return nullcontext(wanted)
     if wanted not in (None, True, False):
         raise InputError(f"progress must be a function, True, False or None, not {wanted!r}.")
     if wanted is False or (wanted is None and not in_notebook()):
-        return Bar()
-    return Cell() if in_notebook() else Terminal(sys.stderr)
+        return nullcontext(silent)
+    return Bar(in_cell(), _AFTER) if in_notebook() else Bar(on_terminal)
+
+
+def silent(fraction: float, what: str = "") -> None:
+    """Shows nothing."""
 
 
 def reporter(wanted: Wanted) -> Progress:
     """The callable that :func:`shows_progress` gave a function; silent without it."""
-    return wanted if callable(wanted) else Bar()
+    return wanted if callable(wanted) else silent
 
 
 def part_of(report: Progress, low: float, high: float) -> Progress:
@@ -63,87 +68,50 @@ def in_notebook() -> bool:
 
 
 class Bar:
-    """Takes the fraction done (0 to 1) and a few words; it draws a few times a second at most, and
-    the end always, but nothing before ``after`` seconds. This one shows nothing. A ``with`` block
-    ends it."""
+    """Has the fraction done (0 to 1) and a few words drawn, a few times a second at most, and the
+    end always, but nothing before ``after`` seconds; at the end of a ``with`` block, None."""
 
-    def __init__(self, after: float | None = None) -> None:
-        after = _AFTER if after is None else after
-        self._next = time.monotonic() + after
-        self._begun = after == 0.0
-        self._place: Any = None
+    def __init__(self, draw: Callable[[float | None, str], None], after: float = 0.0) -> None:
+        self._draw, self._next, self._begun = draw, time.monotonic() + after, after == 0.0
 
     def __call__(self, fraction: float, what: str = "") -> None:
         now = time.monotonic()
-        if now < self._next and (fraction < 1.0 or not self._begun):
-            return
-        self._next, self._begun = now + _EVERY, True
-        self._draw(min(max(fraction, 0.0), 1.0), what)
-
-    def _draw(self, fraction: float, what: str) -> None:
-        """Show the bar at this fraction."""
-
-    def close(self) -> None:
-        """Take the bar away."""
+        if now >= self._next or (fraction >= 1.0 and self._begun):
+            self._next, self._begun = now + _EVERY, True
+            self._draw(min(max(fraction, 0.0), 1.0), what)
 
     def __enter__(self) -> Bar:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.close()
+        if self._begun:
+            self._draw(None, "")
 
 
-class Called(Bar):
-    """Hands everything to the user's own function."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-
-    def __call__(self, fraction: float, what: str = "") -> None:
-        self._progress(fraction, what)
-
-
-class Terminal(Bar):
-    """Progress on one line of a terminal; silent on anything else."""
-
-    def __init__(self, stream: TextIO) -> None:
-        super().__init__(0.0)
-        self._stream = stream
-        self._live = stream is not None and stream.isatty()
-
-    def _draw(self, fraction: float, what: str) -> None:
-        self._put(self.line(fraction, what, shutil.get_terminal_size().columns - 1))
-
-    @staticmethod
-    def line(fraction: float, what: str, width: int) -> str:
-        """The bar, cut to a width."""
-        done = round(30 * fraction)
-        return f"[{'#' * done}{'.' * (30 - done)}] {100 * fraction:3.0f} %  {what}"[:width]
-
-    def close(self) -> None:
-        self._put("")
-
-    def _put(self, text: str) -> None:
-        if self._live:
-            self._stream.write(f"\r{text}\x1b[K")
-            self._stream.flush()
+def on_terminal(fraction: float | None, what: str) -> None:
+    """Draw a bar on one line of stderr; nothing where that is no terminal."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        return
+    done = round(30 * (fraction or 0.0))
+    line = f"[{'#' * done}{'.' * (30 - done)}] {100 * (fraction or 0.0):3.0f} %  {what}"
+    line = "" if fraction is None else line[: shutil.get_terminal_size().columns - 1]
+    sys.stderr.write(f"\r{line}\x1b[K")
+    sys.stderr.flush()
 
 
-class Cell(Bar):
-    """A bar of plain HTML in a notebook."""
+def in_cell() -> Callable[[float | None, str], None]:
+    """Draws a bar of plain HTML in a notebook."""
+    place: list[Any] = []
 
-    def _draw(self, fraction: float, what: str) -> None:
-        words = f"{100 * fraction:.0f} % {html.escape(what)}"
-        self._show(f'<progress max="1" value="{fraction:.3f}"></progress> {words}')
-
-    def close(self) -> None:
-        if self._place is not None:
-            self._show("")
-
-    def _show(self, text: str) -> None:
+    def draw(fraction: float | None, what: str) -> None:
         from IPython.display import HTML, display  # pyright: ignore[reportMissingModuleSource]
 
-        if self._place is None:
-            self._place = display(HTML(text), display_id=True)
+        words = f"{100 * (fraction or 0.0):.0f} % {html.escape(what)}"
+        text = f'<progress max="1" value="{fraction or 0.0:.3f}"></progress> {words}'
+        shown = HTML("" if fraction is None else text)
+        if place:
+            place[0].update(shown)
         else:
-            self._place.update(HTML(text))
+            place.append(display(shown, display_id=True))
+
+    return draw

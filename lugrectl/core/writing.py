@@ -6,14 +6,10 @@ import contextlib
 import os
 import secrets
 import shutil
-import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from .errors import InputError
-
-_OLD = 3600.0  # s after which what a killed process left behind is removed
-_PREFIX = ".lugrectl-"
 
 
 @contextlib.contextmanager
@@ -89,9 +85,5 @@ def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
 
 
 def unfinished(folder: Path) -> Path:
-    """Return a new hidden name in a folder; what was left there long ago is removed."""
-    for left in folder.glob(f"{_PREFIX}{'[0-9a-f]' * 16}"):
-        with contextlib.suppress(OSError):  # another process may have removed it
-            if time.time() - left.stat().st_mtime > _OLD:
-                shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink()
-    return folder / f"{_PREFIX}{secrets.token_hex(8)}"
+    """Return a new hidden name in a folder."""
+    return folder / f".lugrectl-{secrets.token_hex(8)}"

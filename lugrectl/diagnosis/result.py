@@ -146,13 +146,11 @@ class Diagnosis(Fitted):
 
 # what the reader and the balance notice both: the words of the balance are kept
 SAME = (
-    (r"w lags theta by ", r"w is \S+ ms behind dtheta/dt"),
     (
         r"w is not d theta/dt but \S+ times it: w is ignored",
         r"w is \S+ ms (behind|ahead of) dtheta",
     ),
     (r"w is not d theta/dt but", r"w does not follow d theta/dt"),
-    (r"its sign was changed for the simulation", r"u has the wrong sign"),
 )
 
 FAR = 0.2  # of the declared value, from which a change may have the causes below

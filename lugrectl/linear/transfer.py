@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
+from types import SimpleNamespace
 from typing import Any
 
 import control as ct
@@ -71,7 +72,8 @@ def to_float(value: Fraction) -> float:
 
 def parameter(p: Any, name: str) -> Fraction:
     if not hasattr(p, name):
-        raise InputError(f"{shown(p)} has no {name}: give Parameters, a Model or a model file.")
+        what = "the model" if isinstance(p, SimpleNamespace) else shown(p)
+        raise InputError(f"{what} has no {name}: give Parameters, a Model or a model file.")
     return number(getattr(p, name), f"parameter {name}")
 
 

@@ -1,7 +1,7 @@
 """Measured logs: from the columns of a file to a Record in SI units on uniform time."""
 
 from .as_record import consistent, read_log, read_record, record_of
-from .columns.roles import parse_pairs
+from .columns.names import parse_pairs
 from .consistency import refuse_dead
 from .log import Log
 from .record import Record

@@ -18,7 +18,7 @@ from ..core.validation import as_path, is_file, like_it, shown
 from .columns.table import FORMS, is_table
 from .consistency import audit, fitting_speed, unit_mistake
 from .files.readers import SUFFIXES, read_table
-from .log import Kept, Log, rows_of
+from .log import Log, rows_of
 from .record import Record
 from .uniform_time import uniform, usable
 
@@ -102,12 +102,13 @@ def _in_true_units(log: Log) -> Log:
         return log
     if found is None:
         return log
+    role, unit, factor, said = found
     return replace(
         log,
-        channels={**log.channels, found.role: log.channels[found.role] * found.factor},
-        labels={**log.labels, found.role: found.unit},
-        messages=(*log.messages, found.said),
-        kept=Kept(),
+        channels={**log.channels, role: log.channels[role] * factor},
+        labels={**log.labels, role: unit},
+        messages=(*log.messages, said),
+        kept={},
     )
 
 

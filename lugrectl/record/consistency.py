@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -14,67 +14,29 @@ from ..core.numeric import column_sizes
 from ..core.option_names import option
 from ..core.unit_names import si_unit
 from .columns.names import UNITS
+from .columns.raw_numbers import asked
 from .record import Record
 from .samples.clock import plausible
 
-_BAND, _SLOW_BAND = 30.0, 5.0  # Hz; the motion below this frequency is compared
+_BAND = 30.0  # Hz; the motion below this frequency is compared
 _BLOCKS = 20  # of time, whose spread gives the error of what is estimated
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
 _CLOSE = 0.02  # a ratio this close to that of two units means that these were mixed up
-_SAME = 0.9  # share of a channel's power that the other's derivative must explain
 _OFF = 0.03  # a ratio this far from 1 is reported
-_LAG = 1.5  # samples
 _GEARS = 500.0  # the usual ratios
 _LEAST_OFFSET = 0.005  # of the RMS speed
 _DEAD = ("u", "w", "theta")
+# w in one unit and theta in another, neither stated: (w over d theta/dt, theta, w).
+_BOTH = ((60.0, "rev", "rpm"), (1 / 6, "deg", "rpm"), (360.0, "rev", "deg/s"),
+         (1 / 360, "deg", "rev/s"))  # fmt: skip
 _IGNORED = "w is ignored and the velocity is computed from theta."
 Labels = Mapping[str, str | None]
 
 
 def audit(record: Record, *, alone: bool = True) -> Record:
     """Correct faults of a record that have one possible cause, report others; Refused if dead."""
-    return _saturation(_torque_sign(fitting_speed(_alive(record, alone))))
-
-
-# ---- slow signals -------------------------------------------------------------------
-
-
-def _longest(record: Record, band: float = _BAND) -> tuple[Record, float] | None:
-    """The longest stretch, and its band below ``band``, Hz; None where, without a period of that at
-    each end, which the filter spoils, it is too short."""
-    edge = min(band, record.rate / 20)
-    part = max(record.segments(), key=lambda s: s.stop - s.start)
-    if part.stop - part.start <= 2 * (int(record.rate / edge) + _BLOCKS):
-        return None
-    return record.slice(part.start, part.stop), edge
-
-
-def _low_passed(
-    rate: float, edge: float, *signals: np.ndarray, ends: bool = False
-) -> list[np.ndarray]:
-    """Low-pass filtered signals (the band of the motion), with or without their ends."""
-    sos, cut = butter(3, edge, fs=rate, output="sos"), 0 if ends else int(rate / edge)
-    return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
-
-
-def _jackknifed(
-    columns: Sequence[np.ndarray], y: np.ndarray, function: Callable[[np.ndarray], np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of a fit of y, and the error of a function of them by leaving out blocks."""
-    x = np.column_stack(columns)
-    size = column_sizes(x)
-    x = x / size
-    blocks = np.array_split(np.arange(len(y)), _BLOCKS)
-    grams = np.array([x[b].T @ x[b] for b in blocks])
-    sides = np.array([x[b].T @ y[b] for b in blocks])
-
-    def solved(keep: np.ndarray) -> np.ndarray:
-        return np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
-
-    every = np.arange(_BLOCKS)
-    left = [function(solved(every != k)) for k in every]
-    return solved(every), np.sqrt((_BLOCKS - 1) * np.var(left, axis=0))
+    return fitting_speed(_alive(record, alone))
 
 
 # ---- dead channels ------------------------------------------------------------------
@@ -153,134 +115,122 @@ def _without_w(record: Record, what: str) -> Record:
     return replace(record, w=None).with_messages(said)
 
 
-# ---- the speed against the position's: unit, sign, offset and lag -------------------
+# ---- the speed against the position's: unit, sign and offset ------------------------
 
 
 class _Speeds(NamedTuple):
-    """``w`` and d theta/dt (N,), ``slope``, of the longest piece, low-passed; their ratio, 1 or -1
-    where it may be that, how far they agree, and the lag of w in s with the least one."""
+    """How w relates to d theta/dt below ``_BAND``: their ratio, 1 or -1 where it may be that, how
+    far they agree, the offset of w and its error, and the RMS speed."""
 
-    w: np.ndarray
-    slope: np.ndarray
-    dt: float
-    ratio: float = 0.0
-    agreement: float = 0.0
-    lag: float = 0.0
-    least_lag: float = 0.0
+    ratio: float
+    agreement: float
+    offset: float = 0.0
+    error: float = np.inf
+    size: float = 0.0
 
 
 def _speeds(record: Record) -> _Speeds | None:
     """Compare both; None where one is missing, too short, or does not change."""
-    if record.w is None or record.theta is None or (found := _longest(record)) is None:
+    edge = min(_BAND, record.rate / 20)
+    part = max(record.segments(), key=lambda s: s.stop - s.start)
+    cut = int(record.rate / edge)  # a period at each end, which the filter spoils
+    if record.w is None or record.theta is None or part.stop - part.start <= 2 * (cut + _BLOCKS):
         return None
-    part, edge = found
-    if not (np.ptp(record.w) > 0 and np.ptp(record.theta) > 0):
+    if not (np.ptp(record.w[part]) > 0 and np.ptp(record.theta[part]) > 0):
         return None
-    assert part.w is not None and part.theta is not None
-    w, slope = _low_passed(part.rate, edge, part.w, np.gradient(part.theta, part.dt))
-    made = _Speeds(w, slope, part.dt)
+    sos, dt = butter(3, edge, fs=record.rate, output="sos"), record.dt
+    w, slope = (
+        sosfiltfilt(sos, x)[cut : len(x) - cut]
+        for x in (record.w[part], np.gradient(record.theta[part], dt))
+    )
     # noise biases a ratio towards 0, so two regressions bracket the true one
-    (ratio, lead, *_), (inverse, lag, *_) = _fitted(made, w, slope), _fitted(made, slope, w)
+    (ratio, offset, error), (inverse, *_) = _fitted(w, slope, dt), _fitted(slope, w, dt)
     agreement = ratio * inverse
     if agreement < 0.25:
-        return made._replace(agreement=agreement)
+        return _Speeds(_steady_ratio(w, slope), agreement)
     swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
     margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
     low, high = sorted((abs(ratio), abs(1 / inverse)))
     same = low <= 1 + margin and high >= 1 - margin
     size = 1.0 if same else float(np.sqrt(ratio / inverse))
-    sign = float(np.sign(ratio))
-    return _Speeds(w, slope, part.dt, size * sign, agreement, lag, min(lag, -lead))
+    rms = float(np.sqrt(np.mean(slope**2)))
+    return _Speeds(size * float(np.sign(ratio)), agreement, offset, error, rms)
 
 
-def _fitted(
-    speeds: _Speeds, target: np.ndarray, source: np.ndarray
-) -> tuple[float, float, float, float]:
-    """Fit target = g (source + T d source/dt) + ... + c: g, T, c and the error of c."""
-    first = np.gradient(source, speeds.dt)
-    columns = [source, first, np.gradient(first, speeds.dt), np.ones_like(source)]
-    found, error = _jackknifed(columns, target, lambda p: p[3:])
-    g, T = found[0], found[1] / found[0] if found[0] else 0.0
-    return float(g), float(T), float(found[3]), float(error[0])
+def _fitted(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, float, float]:
+    """Fit target = g (source + T d source/dt) + ... + c: g, c, and the error of c by leaving out
+    blocks of time."""
+    first = np.gradient(source, dt)
+    x = np.column_stack([source, first, np.gradient(first, dt), np.ones_like(source)])
+    size = column_sizes(x)
+    blocks = np.array_split(np.arange(len(x)), _BLOCKS)
+    grams = np.array([(x[b] / size).T @ (x[b] / size) for b in blocks])
+    sides = np.array([(x[b] / size).T @ target[b] for b in blocks])
+
+    def solved(keep: Any) -> np.ndarray:
+        return np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
+
+    every = np.arange(_BLOCKS)
+    left, (g, *_, c) = [solved(every != k)[3] for k in every], solved(every)
+    return float(g), float(c), float(np.sqrt((_BLOCKS - 1) * np.var(left)))
 
 
-def _steady_ratio(speeds: _Speeds) -> float:
+def _steady_ratio(w: np.ndarray, slope: np.ndarray) -> float:
     """Mean w over mean d theta/dt if the speed varies too little to compare them; else 0."""
-    w, slope = float(speeds.w.mean()), float(speeds.slope.mean())
-    ratio = w / slope if slope else 0.0
-    alike = np.std(speeds.w - ratio * speeds.slope) < _STEADY * abs(w)
-    return ratio if alike and np.std(speeds.slope) < _STEADY * abs(slope) else 0.0
+    mean, other = float(w.mean()), float(slope.mean())
+    ratio = mean / other if other else 0.0
+    alike = np.std(w - ratio * slope) < _STEADY * abs(mean)
+    if not alike or np.std(slope) >= _STEADY * abs(other):
+        return 0.0
+    return 1.0 if abs(ratio - 1) <= _OFF else ratio
 
 
 def fitting_speed(record: Record) -> Record:
     """The record with a w that fits d theta/dt, or without one; each change is a message."""
     speeds = _speeds(record)
-    if speeds is None:
+    if speeds is None or record.w is None:
         return record
-    ratio = speeds.ratio or _steady_ratio(speeds)
+    ratio, size = speeds.ratio, abs(speeds.ratio)
     if not ratio:
-        return _unrelated(record, speeds.agreement)
-    if ratio != 1.0 and not (abs(ratio - 1) <= _OFF and not speeds.ratio):
-        if ratio != -1.0:
-            return _other_speed(record, ratio)
-        assert record.w is not None
+        r2 = max(speeds.agreement, 0.0)
+        return _without_w(record, f"has little in common with it (R2 = {r2:.2f})")
+    if size != 1.0:
+        gear = ""
+        if 2.0 < size < _GEARS:  # w may be the motor's and theta the joint's
+            joint, motor = (
+                option("scale", f"w={1 / size:.4g}"),
+                option("scale", f"theta={size:.4g}"),
+            )
+            gives = f"{joint} gives the joint's motion, {motor} the motor's"
+            gear = f" (a motor with a gear of {size:.4g}? Then {gives})"
+        return _without_w(record, f"{ratio:.4g} times it{gear}")
+    if ratio < 0:
         said = "w has the opposite sign of d theta/dt: its sign was changed."
         record = replace(record, w=-record.w).with_messages(said)
-        speeds = speeds._replace(w=-speeds.w)
-    if not speeds.ratio:
-        return record
-    *_, offset, error = _fitted(speeds, speeds.w, speeds.slope)
-    least = max(_SURE * error, _LEAST_OFFSET * float(np.sqrt(np.mean(speeds.slope**2))))
-    if abs(offset) > least and np.ptp(speeds.slope) > 0:
-        size = f"{abs(offset):.3g} {si_unit('w', record.motion)}"
-        return replace(record, w=None).with_messages(
-            f"w is {size} too {'high' if offset > 0 else 'low'} against d theta/dt: {_IGNORED}"
-        )
-    if speeds.least_lag > _LAG * record.dt:
-        record = record.with_messages(
-            f"w lags theta by {1e3 * speeds.lag:.3g} ms, as a filtered velocity does: not changed."
-        )
+    offset = ratio * speeds.offset
+    if abs(offset) > max(_SURE * speeds.error, _LEAST_OFFSET * speeds.size):
+        side = f"{si_unit('w', record.motion)} too {'high' if offset > 0 else 'low'}"
+        said = f"w is {abs(offset):.3g} {side} against d theta/dt: {_IGNORED}"
+        return replace(record, w=None).with_messages(said)
     return record
-
-
-def _unrelated(record: Record, agreement: float) -> Record:
-    """A record whose w does not vary with d theta/dt: the two are exchanged, or w is left out."""
-    swapped = replace(record, theta=record.w, w=record.theta)
-    other = _speeds(swapped)
-    if other is not None and other.agreement > _SAME and other.ratio == 1.0:
-        return swapped.with_messages("theta is d w/dt: the two were exchanged.")
-    return _without_w(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
-
-
-def _other_speed(record: Record, ratio: float) -> Record:
-    size, gear = abs(ratio), ""
-    if 2.0 < size < _GEARS:  # w may be the motor's and theta the joint's
-        joint, motor = option("scale", f"w={1 / size:.4g}"), option("scale", f"theta={size:.4g}")
-        gives = f"{joint} gives the joint's motion, {motor} the motor's"
-        gear = f" (a motor with a gear of {size:.4g}? Then {gives})"
-    return _without_w(record, f"{ratio:.4g} times it{gear}")
 
 
 # ---- units --------------------------------------------------------------------------
 
 
-class Mistake(NamedTuple):
-    """A channel in another unit than it was taken in; ``factor`` is on its values in SI."""
-
-    role: str
-    unit: str
-    factor: float
-    said: str
-
-
-def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
+def unit_mistake(record: Record, labels: Labels) -> tuple[str, str, float, str] | None:
     """The likeliest mix-up by which w is not d theta/dt, else None (units in SI are often stated by
-    habit); InputError if the unit of t is wrong."""
+    habit): the role, its true unit, the factor on its values in SI, and a sentence; InputError if
+    the unit of t is wrong."""
     speeds = _speeds(record)
-    ratio = abs(speeds.ratio or _steady_ratio(speeds)) if speeds else 0.0
+    ratio = abs(speeds.ratio) if speeds else 0.0
     if not ratio or abs(ratio - 1) <= _OFF:
         return None
     _check_time(record, labels, ratio)
+    for expected, angle, per_second in _BOTH if labels["w"] is labels["theta"] is None else ():
+        if abs(ratio / expected - 1) < _OFF:
+            why = f"w is {ratio:.4g} times d theta/dt, as with {per_second} and {angle}"
+            raise asked(record.source, why, angle, per_second)
     found: list[tuple[int, str, Any, Any]] = []
     for role in ("w", "theta"):
         label = labels.get(role)
@@ -298,7 +248,7 @@ def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
         f"{role} is {'stated' if labels.get(role) else 'taken'} in {taken.name} but in fact in "
         f"{meant.name} (w is {ratio:.4g} times d theta/dt): converted."
     )
-    return Mistake(role, meant.name, meant.factor / taken.factor, said)
+    return role, meant.name, meant.factor / taken.factor, said
 
 
 def _check_time(record: Record, labels: Labels, ratio: float) -> None:
@@ -319,87 +269,3 @@ def _check_time(record: Record, labels: Labels, ratio: float) -> None:
                 f"{record.source}: t {how} does not look like {taken.name} (w is {ratio:.4g} "
                 f"times d theta/dt): give {option('units', f't={unit.name}')}{other}."
             )
-
-
-# ---- sign of the torque -------------------------------------------------------------
-
-
-def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, float] | None:
-    """Fit ``u = J dw/dt + Fv w + Fc sign(w) + ...`` to the longest stretch, up to ``band`` Hz: J
-    and the mean friction power over their standard errors, and the share of u that is explained."""
-    found = _longest(record, band)
-    if found is None or _is_constant(record.u):
-        return None
-    part, edge = found
-    angle, speed = part.theta, part.w
-    if speed is None:
-        assert angle is not None
-        speed = np.gradient(angle, part.dt)
-    angle = np.cumsum(speed) * part.dt if angle is None else angle
-    (slow,) = _low_passed(part.rate, edge, speed, ends=True)
-    still = 0.02 * np.std(slow)
-    if not still > 0:
-        return None
-    friction = [slow, slow / (np.abs(slow) + still)]
-    terms = [np.gradient(slow, part.dt), *friction, np.ones_like(slow), angle - angle.mean()]
-    if part.motion == "rotary":
-        terms += [np.sin(angle), np.cos(angle)]
-    u, *terms = _low_passed(part.rate, edge, part.u, *terms)
-    power = np.array([terms[1] @ terms[1], terms[1] @ terms[2]])
-
-    def inertia_and_power(p: np.ndarray) -> np.ndarray:
-        return np.array([p[0], p[1:3] @ power])
-
-    p, error = _jackknifed(terms, u, inertia_and_power)
-    if not np.all(error > 0):
-        return None
-    inertia, friction_power = inertia_and_power(p) / error
-    r2 = 1 - np.var(u - np.column_stack(terms) @ p) / np.var(u)
-    return float(inertia), float(friction_power), float(r2)
-
-
-def _torque_sign(record: Record) -> Record:
-    """Invert a torque that drives against its own motion; only report it if that is uncertain.
-
-    Delay and filters make the fitted friction of a light drive negative, so the fitted inertia
-    decides. Above a resonance a correct torque looks inverted: the slow part must agree."""
-    whole = None if _is_steady(record) else _torque_fit(record)
-    if whole is None or whole[2] >= 0.05 and min(whole[:2]) >= -_SURE:
-        return record
-    slow = _torque_fit(record, _SLOW_BAND)
-    if slow is None:
-        return record
-    if whole[2] < 0.05 and _is_noise(record.u - record.u.mean()):
-        raise Refused(
-            f"{record.source}: u is noise that is not related to the motion: dead torque channel.",
-            "Record the torque that the drive applies.",
-        )
-    inertias, powers, explained = zip(whole, slow, strict=True)
-    if max(inertias) < -_SURE and min(explained) > 0.8:
-        return replace(record, u=-record.u).with_messages(
-            "u drives against the motion it causes (the fitted inertia is negative): "
-            "its sign was changed for the simulation, not in the plain torque balance. "
-            f"Give {option('scale', 'u=-1')} to change it in both."
-        )
-    turned = whole[0] < -_SURE and slow[0] < -2 and max(explained) > 0.8
-    if turned or max(powers) < -_SURE and max(inertias) < 2:
-        return record.with_messages(
-            "u seems to drive against the motion it causes, but not clearly enough to change "
-            f"its sign; if it is wrong, give {option('scale', 'u=-1')}."
-        )
-    return record
-
-
-def _saturation(record: Record) -> Record:
-    """Report if u stays at its largest value; a torque of a few levels does so on purpose."""
-    if len(np.unique(record.u)) <= 20:
-        return record
-    for extreme in (record.u.max(), record.u.min()):
-        at = record.u == extreme
-        pairs = at & (np.r_[False, at[:-1]] | np.r_[at[1:], False])
-        if pairs.mean() >= 0.02:
-            record = record.with_messages(
-                f"u stays at exactly {extreme:.6g} {si_unit('u', record.motion)} for "
-                f"{100 * pairs.mean():.2g} % of the samples: the drive or the log saturates there."
-            )
-    return record

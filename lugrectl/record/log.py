@@ -15,8 +15,16 @@ from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.unit_names import si_unit
 from ..core.validation import as_path, positive, shown
-from .columns import roles
-from .columns.names import Unit, role_unit
+from .columns.names import (
+    UNITS,
+    Choice,
+    Unit,
+    by_role,
+    choose_columns,
+    factors,
+    role_unit,
+    usual_said,
+)
 from .columns.raw_numbers import check_angles, signed
 from .columns.table import FORMS, Table, is_table, row_number, table_of
 from .files.readers import read_stdin, read_table
@@ -25,13 +33,6 @@ from .samples.rows import held_mean
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
 _TOGETHER = 0.5  # share of the rows with motion that hold u, too; below, they are two streams
 Units = Mapping[str, Unit | None]  # by role; None where nothing says one
-
-
-class Kept(dict[Any, Any]):
-    """What was computed from the rows of a log, by their checksum; it is not pickled."""
-
-    def __reduce__(self) -> tuple[type[Kept], tuple[()]]:
-        return Kept, ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ class Log:
     cuts: tuple[int, ...] = ()  # rows known to begin a new part
     of: int = 0  # checksum of the record that was made from these rows, 0 if there is none
     file: SourceFile | None = None
-    kept: Kept = field(default_factory=Kept, repr=False, compare=False)
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # found in the rows, by checksum
 
     def checksum(self) -> tuple[object, ...]:
         """What changes with the rows, their units or their parts."""
@@ -77,44 +78,44 @@ def rows_of(
     motion: str | None = None,
 ) -> Log:
     """The rows of a log in units stated or assumed; arguments as of :func:`read_record`."""
-    named, stated = roles.by_role(columns, "columns"), roles.by_role(units, "units")
-    scaled = roles.factors(scale)
+    named, stated = by_role(columns, "columns"), by_role(units, "units")
+    scaled = factors(scale)
     rate = None if rate is None else _rate(rate, named)
     table, file = _opened(path, named)
-    choices, said = roles.choose_columns(table, named, need_time=rate is None)
+    choices, said = choose_columns(table, named, need_time=rate is None)
     if rate and choices[0].role == "t":
         time = table.names[choices.pop(0).index]
         said = [*said, f"The given rate was used in place of the column '{time}'."]
     found, asked = _units(table, choices, stated, scaled)
     motion = _motion(table.source, found, motion)
-    raw, more = table.load([c.index for c in choices])
-    if not len(raw[0]):
-        raise InputError(f"{table.source} holds column names but no data.")
+    raw, more = _loaded(table, choices)
+    more += _since_1970(table.names[choices[0].index], raw[0], {} if "t" in scaled else found)
     raw, merging = _merged([c.role for c in choices], raw)
     unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
     taken = {role: unit for role in unstated - {"t"} if (unit := si_unit(role, motion))}
-    said = [*more, *roles.usual_said(table, choices, named, taken), *said, *merging]
+    said = [*more, *usual_said(table, choices, named, taken), *said, *merging]
     channels = {}
     for choice, column in zip(choices, raw, strict=True):
         role, unit = choice.role, found[choice.role]
         values, more = signed(role, column)
         said += more
-        if role in scaled or (unit is None and role not in asked):
-            name = table.names[choice.index]
-            question, note = _doubt(role, name, values, motion, found, scaled)
+        if unit is None and role not in scaled and role not in asked:
+            question, note = _doubt(role, values, motion, found)
             said += note
-            asked |= {role: f"{table.source}, column '{name}': {question}"} if question else {}
+            where = f"{table.source}, column '{table.names[choice.index]}'"
+            asked |= {role: f"{where}: {question}"} if question else {}
         factor = scaled.get(role, 1.0) * (unit.factor if unit else 1.0)
         # a mark of a missing value may be as large as a float goes, or a NaN that signals
         with np.errstate(over="ignore", invalid="ignore"):
             channels[role] = values * factor
     if asked:
         raise InputError(" ".join(asked.values()))
-    if motion == "rotary":
-        check_angles(table.source, channels, rate, unstated)
     t = channels.pop("t", None)
     if t is None:
         t = np.arange(len(raw[0])) / float(rate or 1.0)
+    if motion == "rotary" and "theta" in unstated:
+        speed = "w" in unstated if "w" in channels else None
+        check_angles(table.source, channels["theta"], t, speed)
     labels = {role: unit.name if unit else None for role, unit in found.items()}
     return Log(table.source, t, channels, table.where, labels, motion, tuple(said), file=file)
 
@@ -146,14 +147,38 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
     return rate
 
 
+def _loaded(table: Table, choices: Sequence[Choice]) -> tuple[list[np.ndarray], list[str]]:
+    """The columns, with notes; those of a time in two columns, seconds and nanoseconds, as one."""
+    rest = [table.nanoseconds(c.index) if c.role == "t" else None for c in choices]
+    raw, said = table.load([c.index for c in choices] + [i for i in rest if i is not None])
+    if not len(raw[0]):
+        raise InputError(f"{table.source} holds column names but no data.")
+    if len(raw) > len(choices):
+        at, fine = [i is not None for i in rest].index(True), raw.pop()
+        whole = raw[at][np.isfinite(raw[at])]
+        raw[at] = raw[at] - (whole[0] if whole.size else 0.0) + 1e-9 * fine
+    return raw, said
+
+
+def _since_1970(name: str, t: np.ndarray, found: dict[str, Unit | None]) -> list[str]:
+    """Add the unit of times since 1970, in the years from 2001 to 2096; returns a note on it."""
+    known = t[np.isfinite(t)]
+    for unit in ("s", "ms", "us", "ns") if found.get("t", t) is None and known.size else ():
+        one = 1e9 / UNITS[unit].factor
+        if one <= known[0] <= known[-1] < 4 * one:
+            found["t"] = UNITS[unit]
+            return [f"'{name}' holds {unit} since 1970 (its unit is not stated)."] * (unit != "s")
+    return []
+
+
 # ---- rows of several streams, on one clock ------------------------------------------
 
 
 def _merged(
-    names: Sequence[str], columns: Sequence[np.ndarray]
+    roles: Sequence[str], columns: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[str]]:
     """Columns on the rows of the motion, where merged topics leave empty cells, and a sentence."""
-    by = dict(zip(names, columns, strict=True))
+    by = dict(zip(roles, columns, strict=True))
     base = next((role for role in ("theta", "w") if role in by), None)
     if base is None or "t" not in by or "u" not in by:
         return list(columns), []
@@ -164,7 +189,7 @@ def _merged(
         return list(columns), []
     if np.sum(np.isfinite(by["u"]) & stamped) < 2 or np.any(np.diff(t[stamped]) < 0):
         return list(columns), []
-    made = [by[r][rows] if r in ("t", base) else _at_rows(r, t, by[r], rows) for r in names]
+    made = [by[r][rows] if r in ("t", base) else _at_rows(r, t, by[r], rows) for r in roles]
     said = (
         f"u and {base} stand in different rows: the {len(rows)} rows of {base} were used, with "
         "the torque held between its own rows."
@@ -191,7 +216,7 @@ def _at_rows(role: str, t: np.ndarray, x: np.ndarray, rows: np.ndarray) -> np.nd
 
 def _units(
     table: Table,
-    choices: Sequence[roles.Choice],
+    choices: Sequence[Choice],
     stated: Mapping[str, str],
     scaled: Mapping[str, float],
 ) -> tuple[dict[str, Unit | None], dict[str, str]]:
@@ -234,28 +259,18 @@ def _motion(source: str, found: Units, given: str | None) -> str:
     return given or next(iter(motions), "rotary")
 
 
-def _doubt(
-    role: str, name: str, values: np.ndarray, motion: str, found: Units, scaled: Mapping[str, float]
-) -> tuple[str, list[str]]:
+def _doubt(role: str, values: np.ndarray, motion: str, found: Units) -> tuple[str, list[str]]:
     """What must be asked of a column without a unit by its numbers, or a note on it."""
-    unit = found[role]
-    if role in scaled:
-        per = f" (in {unit.name})" if unit else ""
-        return "", [f"{role} is {scaled[role]:g} times column '{name}'{per}."]
     values = values[np.isfinite(values)]
     largest = np.abs(values).max(initial=0)
-    whole = bool(values.size) and np.ptp(values) >= 100 and not np.any(values % 1)
-    factor, other = option("scale", f"{role}=FACTOR"), option("units", f"{role}=UNIT")
-    if role == "theta" and whole:
-        return (
-            "theta has no unit and holds whole numbers only, as encoder counts do: give "
-            f"{factor} (SI value per count) or {other}."
-        ), []
-    fast = role == "w" and "theta" not in found and largest > _FAST[motion]
-    if role not in ("u", "w") or not (whole or fast):
+    why = f"reaches {largest:.4g}"
+    if values.size and np.ptp(values) >= 100 and not np.any(values % 1):
+        why = "holds whole numbers only, as counts do"
+    elif role != "w" or "theta" in found or largest <= _FAST[motion]:
         return "", []
-    why = "holds whole numbers only" if whole else f"reaches {largest:.4g}"
-    return "", [
-        f"{role} has no unit and {why}: {si_unit(role, motion)} was assumed; if these are counts "
-        f"or another unit, give {factor} or {other}."
-    ]
+    cure = f"give {option('scale', f'{role}=FACTOR')} or {option('units', f'{role}=UNIT')}"
+    if role == "theta":
+        return f"theta has no unit and {why}: {cure}.", []
+    si = si_unit(role, motion)
+    said = f"{role} has no unit and {why}: {si} was assumed; if that is wrong, {cure}."
+    return "", [said] if role in ("u", "w") else []

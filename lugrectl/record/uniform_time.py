@@ -15,7 +15,7 @@ from .log import Log
 from .record import Record
 from .samples import bad_samples, clock
 from .samples.needed_torque import leave_out_untrue_torque, unwrap_torque
-from .samples.rows import HELD, Stamped, between, count, how, on_grid, smallest_steps, speed
+from .samples.rows import HELD, Stamped, between, count, how, on_grid, smallest_steps
 from .signal_noise import lattice_step, repeats
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
@@ -136,7 +136,13 @@ def _regular(log: Stamped) -> Record:
         if times and t[0] <= times[-1][-1]:  # its clock starts again: it follows a second later
             t = t - t[0] + times[-1][-1] + max(1.0, 10 * dt)
         times.append(t)
-    changed = log.dropped or filled or any(resampled for *_, resampled in pieces)
+    worst = max(off for *_, off in pieces)
+    if worst > _EXACT:
+        log.say(
+            f"t jitters by up to {100 * worst:.3g} % of its step of {dt:.6g} s: resampled to an "
+            "even step (u held, motion interpolated)."
+        )
+    changed = log.dropped or filled or worst > _EXACT
     resolution = {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
     return Record(
         np.concatenate(times),
@@ -154,25 +160,21 @@ def _regular(log: Stamped) -> Record:
 
 
 def _piece(
-    log: Stamped, part: slice, counts: np.ndarray, dt: float
-) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
-    """The grid of a part in steps, its channels there, whether resampled; by ``counts`` of time."""
+    log: Stamped, part: slice, ticks: np.ndarray, dt: float
+) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
+    """The grid of a part in steps, its channels there, and how far its stamps are off the ticks."""
     at = (log.t[part] - log.t[part.start]) / dt
-    resampled = bool(np.abs(at - counts).max() > _EXACT)
-    grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)
-    made = {role: values[part] for role, values in log.channels.items()}
-    if not resampled and len(grid) == len(counts):
-        return grid, made, resampled
-    before = np.searchsorted(counts, grid, side="right") - 1
-    at = at if resampled else counts
-    for role, values in made.items():
-        if role in HELD and not resampled:
-            made[role] = values[before]
-        elif role == "w":
-            made[role] = speed(at, counts, values, grid, resampled)
-        else:
-            made[role] = on_grid(role, at, values, grid, 1.0)
-    return grid, made, resampled
+    worst = float(np.abs(at - ticks).max())
+    off = worst > _EXACT
+    at = at if off else ticks
+    grid = np.arange(int(at[-1] + _EXACT) + 1)
+    made = {role: x[part] for role, x in log.channels.items()}
+    if off or len(grid) > len(at):
+        before = np.searchsorted(at, grid, side="right") - 1
+        for role, x in made.items():
+            held = role in HELD and not off
+            made[role] = x[before] if held else on_grid(role, at, x, grid, 1.0)
+    return grid, made, worst
 
 
 # ---- stretches: stamps interpolated, no more ----------------------------------------

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..blocks.block import members, unit_for
 from ..blocks.model import model_toml
-from ..core.display import NONE, Grid, between, number, to_interval, with_interval
+from ..core.display import NONE, Grid, between, number, with_interval
 from ..estimates.findings import AGAINST_HELD
 from .page import Section
 
@@ -108,8 +108,7 @@ def _size(d: Any, finding: Any) -> str:
     said = [finding.name]
     for key, e in finding.parameters.items():
         factor, unit = readable([e.value], e.unit)
-        low, high = e.ci95 or (0.0, 0.0)
-        value = to_interval(factor * e.value, factor * (high - low), 3)
+        value = number(factor * e.value, 3)
         if key == "harmonic" and e.unit == "1/rev":
             said.insert(1, f"{e.value:.4g} per turn")
         elif key != "phase":

@@ -379,17 +379,13 @@ def sweep_chunks(
     how = hold, rtol, executor, jobs, chunk, reduce
     made = _prepared(system, t, inputs, params, (x0, seeds, outputs, states), how)
     bar = bar_for(progress)
-    answers = made.answers(bar)
 
     def parts() -> Iterator[Sweep]:
-        try:
+        with bar as report, contextlib.closing(made.answers(report)) as answers:
             for index, found in answers:
                 part = _Gathered(made, index)
                 part.take(index, found)
                 yield replace(part.result(), message=None)
-        finally:
-            answers.close()
-            bar.close()
 
     return parts()
 

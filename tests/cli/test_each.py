@@ -80,7 +80,7 @@ def test_the_exit_code_is_the_highest_after_all_were_done(files, job, capsys):
     code, out, err = run(capsys, "right left none.csv --each --json")
     document = json.loads(out)
     assert code == 2 and [r["exit_code"] for r in document["records"]] == [0, 2, 0, 0, 2]
-    assert "2 of 5 logs have no answer" in err and len(err.splitlines()) == 1
+    assert err == ""
     job.answers["axis.csv"] = "refused"
     code, out, err = run(capsys, "right left --each --out made")
     assert code == 3 and err == "" and "u is constant." in out

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.core.display import Row, Shown, brief, noticed, to_interval, with_interval
+from lugrectl.core.display import Row, Shown, brief, noticed, with_interval
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.result import Diagnosis
 from lugrectl.estimates.findings import Estimate
@@ -197,13 +197,6 @@ def test_a_cell_shows_its_picture_once_with_and_without_semicolon(monkeypatch):
 )
 def test_no_digit_says_less_than_the_interval(interval, value, shown):
     assert with_interval(Estimate(sum(interval) / 2, "N m", interval)) == (value, shown)
-
-
-@pytest.mark.parametrize(
-    ("width", "shown"), [(0.0, "0.103"), (1e-4, "0.103"), (0.02, "0.10"), (0.3, "0.1")]
-)
-def test_three_digits_are_shown_where_an_interval_knows_them(width, shown):
-    assert to_interval(0.1028, width, 3) == shown
 
 
 def test_a_result_prints_what_was_noticed_and_where_the_rest_is():

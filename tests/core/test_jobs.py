@@ -1,4 +1,4 @@
-"""Jobs on executors: nothing is lost, nothing piles up, an interrupt keeps what is done."""
+"""Jobs on executors: nothing is lost, nothing piles up."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-
-import pytest
+from concurrent.futures import ThreadPoolExecutor
 
 from lugrectl.core.errors import Refused
 from lugrectl.core.jobs import JobError, run_jobs
@@ -71,31 +69,6 @@ def test_items_are_taken_as_they_are_needed() -> None:
             next(found)
         found.close()
     assert len(taken) <= 100 + 5
-
-
-class Half(Executor):
-    """Does the first half of what it is given; then Ctrl-C is pressed."""
-
-    def __init__(self) -> None:
-        self.futures: list[Future] = []
-
-    def submit(self, fn, /, *args, **kwargs):
-        future: Future = Future()
-        self.futures.append(future)
-        if len(self.futures) <= 4:
-            future.set_result(fn(*args))
-        elif len(self.futures) == 8:
-            raise KeyboardInterrupt
-        return future
-
-
-def test_an_interrupt_yields_what_is_done_and_cancels_the_rest() -> None:
-    pool, found = Half(), {}
-    with pytest.raises(KeyboardInterrupt):
-        for index, value in run_jobs(float, range(50), executor=pool):
-            found[index] = value
-    assert found == {0: 0.0, 1: 1.0, 2: 2.0, 3: 3.0}
-    assert all(f.cancelled() for f in pool.futures[4:7])
 
 
 def test_an_early_end_leaves_nothing_running() -> None:

@@ -10,7 +10,6 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core import writing
-from lugrectl.engine.runtime.backend import keep
 from lugrectl.report import FILES, check_folder
 
 from ..cases.made_up import bare
@@ -130,23 +129,3 @@ def test_a_folder_that_only_reads_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(lg.InputError, match="no permission to write there"):
         check_folder(tmp_path)
-
-
-WAYS = {
-    "model or picture": lambda folder: writing.write_whole(folder / "m.toml", b"whole"),
-    "code": lambda folder: keep(folder / "a.c", "whole"),
-    "report": lambda folder: writing.write_together({"a.html": "whole"}, folder, "{}"),
-}
-
-
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("kind", ["folder", "file"])
-def test_whoever_writes_later_removes_what_a_killed_process_left(tmp_path, way, kind):
-    left = writing.unfinished(tmp_path)
-    left.mkdir() if kind == "folder" else left.write_text("half")
-    writing.unfinished(tmp_path)
-    assert left.exists()  # it may be at work
-    os.utime(left, (0, 0))
-    (tmp_path / ".lugrectl-mine").touch()
-    WAYS[way](tmp_path)
-    assert hidden(tmp_path) == [".lugrectl-mine"] and len([*tmp_path.iterdir()]) == 2

@@ -64,7 +64,7 @@ KINDS = {
     "a torque reported late": (late(7), None),
     "two runs pasted together": (pasted, "at line 2752, which is no motion"),
     "a torque register that wraps": (wrapped, "u wraps by 1.024 N m"),
-    "a torque register at its end": (register, "u stays at the end of its register, 0.42 N m"),
+    "a torque register at its end": (register, "u stands at -0.42 N m in"),
     "a late speed": (with_w(lambda w: np.r_[w[:1].repeat(4), w[:-4]]), None),
 }
 

@@ -8,45 +8,19 @@ from lugrectl.core.errors import InputError
 from lugrectl.record import read_record
 from lugrectl.record.as_record import passed_over, record_files
 from lugrectl.record.files import readers
-from lugrectl.record.files.mat_file import Damaged, read_mat
-from lugrectl.record.files.readers import nested_table
 
 from ..cases.logs import csv, machine, refused, write
 
 LOG = {k: v[:1200] for k, v in machine().items()}
 
 
-def test_a_mat_file_is_read_as_scipy_reads_it(tmp_path):
+def test_a_damaged_mat_file_is_read_or_named(tmp_path):
     path = tmp_path / "a.mat"
-    content = {
-        "a": np.arange(6, dtype=np.int16).reshape(2, 3),
-        "s": {"x": np.linspace(0, 1, 30), "deep": {"y": np.ones((3, 40), np.float32)}},
-        "flag": np.array([True, False]),
-        "words": "torque, angle",
-    }
-    for options in ({}, {"do_compression": True}):
-        scipy.io.savemat(path, content, **options)
-        mine, theirs = read_mat(path.read_bytes()), scipy.io.loadmat(path, simplify_cells=True)
-        np.testing.assert_array_equal(mine["a"], theirs["a"])
-        np.testing.assert_array_equal(np.ravel(mine["s"]["x"]), theirs["s"]["x"])
-        np.testing.assert_array_equal(mine["s"]["deep"]["y"], theirs["s"]["deep"]["y"])
-        assert mine["words"] == theirs["words"]
-    scipy.io.savemat(path, {"t": LOG["t"], "u": LOG["u"]}, format="4")
-    refused(InputError, path, "a.mat is not a readable MAT file", "-v7")
-
-
-def test_a_mat_file_with_any_byte_changed_is_read_or_named(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"log": {k: v[:20] for k, v in LOG.items()}})
-    whole = (tmp_path / "a.mat").read_bytes()
-    rng, damaged = np.random.default_rng(5), 0
-    for _ in range(400):
-        data = bytearray(whole)
-        data[rng.integers(128, len(data))] = rng.integers(256)
-        try:
-            nested_table("a", read_mat(bytes(data[: rng.integers(200, len(data) + 1)])))
-        except (Damaged, InputError):
-            damaged += 1
-    assert damaged > 50
+    scipy.io.savemat(path, LOG)
+    whole = path.read_bytes()
+    for cut, said in ((len(whole) // 2, "a.mat is not a readable MAT file"), (140, "a.mat")):
+        path.write_bytes(whole[:cut])
+        refused(InputError, path, said)
 
 
 def test_damaged_hdf5_and_parquet_files_get_our_sentence(tmp_path):
@@ -78,7 +52,7 @@ def test_a_library_that_dies_leaves_a_sentence(tmp_path, monkeypatch):
         ("a.bag", b"SQLite format 3\0", "ROS 2 bag"),
         ("a.npy", b"\x93NUMPY\x01\x00" + b"\xff" * 40, "not a readable NPY"),
         ("a.json", b'{"t": [0, 1, 2', "not a readable JSON"),
-        ("a.csv.gz", b"\x1f\x8b\x08" + b"\0" * 30, "not a readable gzip"),
+        ("a.csv.gz", b"\x1f\x8b\x08" + b"\0" * 30, "unpack it"),
         ("a.xls", b"\xd0\xcf\x11\xe0" + b"\0" * 40, ".xlsx"),
     ],
 )

@@ -76,15 +76,6 @@ def test_pairs_of_the_command_line():
         parse_pairs("thet=x", "units")
 
 
-def test_a_motion_signal_lost_to_a_slip_in_its_name_is_said(tmp_path):
-    table = "t,u,theta,ww,extra\n" + "".join(f"{k / 100},{k % 7},{k / 9},1,2\n" for k in range(400))
-    (tmp_path / "a.csv").write_text(table)
-    (said,) = (m for m in read_record(tmp_path / "a.csv").messages if "ww" in m)
-    assert "No column was found for w" in said and "'extra'" in said and 'columns="w=NAME"' in said
-    named = read_record(tmp_path / "a.csv", columns="theta=theta")
-    assert not any("ww" in m for m in named.messages)
-
-
 SI = {  # written down again on purpose: factor to SI of what a user may write
     "ms": 1e-3, "µs": 1e-6, "sec": 1.0, "deg": 0.017453292519943295, "°": 0.017453292519943295,
     "rev": 6.283185307179586, "rpm": 0.10471975511965977, "RPM": 0.10471975511965977,

@@ -1,17 +1,23 @@
-"""What the header of a column says: its unit, and the role that its name usually stands for."""
+"""Which column is which channel, and its unit: by what its header says and by what the user says:
+names, units and factors by role."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.errors import InputError
 from ...core.option_names import option
 from ...core.unit_names import si_unit
-from ...core.validation import nearest
+from ...core.validation import nearest, shown
+
+if TYPE_CHECKING:
+    from .table import Table
 
 # ---- units -----------------------------------------------------------------------
 
@@ -276,3 +282,174 @@ def _words(name: str) -> list[str]:
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     words = [re.sub(r"\d+$", "", word) for word in re.split(r"[\W_]+", spaced.lower())]
     return [word for word in words if word]
+
+
+# ---- the column of each role -----------------------------------------------------
+
+_MEANING = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}
+
+
+@dataclass(frozen=True)
+class Choice:
+    role: str
+    index: int
+    implied: str | None  # unit that the column's name alone implies
+
+
+def choose_columns(
+    table: Table, named: Mapping[str, str], *, need_time: bool
+) -> tuple[list[Choice], list[str]]:
+    """Return the column of each role: named by the user, by its role, or by a usual name."""
+    choices = {role: _by_name(table, role, name) for role, name in named.items() if name}
+    taken = Counter(choice.index for choice in choices.values())
+    for role, choice in choices.items():
+        if taken[choice.index] > 1:
+            twice = f"column '{named[role]}' is given to more than one role"
+            raise InputError(f"{option('columns')}: {twice}.")
+    doubtful: dict[str, list[int]] = {}  # roles that several columns may be
+    said: list[str] = []
+    for role in (r for r in ROLES if r not in named):
+        free = [i for i in range(len(table.names)) if i not in taken]
+        fits, implied = fitting(table.plain, role, free)
+        if len(fits) > 1 and not _same(table, fits):
+            doubtful[role] = fits
+        elif fits:
+            choices[role] = Choice(role, fits[0], implied)
+            said += [f"{_among(table, role, fits)}; they hold the same values."] * (len(fits) > 1)
+    needed = [("t",)] * need_time + [("u",), ("w", "theta")]
+    missing = [roles for roles in needed if not set(roles) & set(choices)]
+    if missing:
+        raise _asked(table, choices, doubtful, missing)
+    said += [f"{_among(table, r, fits)}; it was left out." for r, fits in doubtful.items()]
+    return [choices[role] for role in ROLES if role in choices], said
+
+
+def _same(table: Table, fits: Sequence[int]) -> bool:
+    """Whether columns that may be one role hold the same values."""
+    try:
+        first, *others = table.load(list(fits))[0]
+    except InputError:
+        return False
+    return all(np.array_equal(first, other, equal_nan=True) for other in others)
+
+
+def _by_name(table: Table, role: str, name: str) -> Choice:
+    wanted = {name, split_unit(name)[0]}
+    fits = [i for i, column in enumerate(table.names) if column in wanted]
+    fits = fits or [i for i, column in enumerate(table.plain) if column == name]
+    if not fits and name.isdecimal() and 1 <= int(name) <= len(table.names):
+        fits = [int(name) - 1]
+    if len(fits) != 1:
+        problem = "occurs twice in" if fits else "is not in"
+        raise InputError(
+            f"Column '{name}' for {role} {problem} {table.source}"
+            f"{'' if fits else did_you_mean(name, table.names)}; its columns are {table.listed()}."
+        )
+    return Choice(role, fits[0], usual_unit(role, table.plain[fits[0]]))
+
+
+def _asked(
+    table: Table,
+    choices: Mapping[str, Choice],
+    doubtful: Mapping[str, list[int]],
+    missing: Sequence[Sequence[str]],
+) -> InputError:
+    """What to do where no column was found for some of the roles that are needed."""
+    taken = {choice.index for choice in choices.values()}
+    free = [i for i, name in enumerate(table.names) if i not in taken]
+    clear = all(table.names) and len(set(table.names)) == len(table.names)
+    said, words, pairs = [], [], []
+    for roles in missing:
+        role = next((r for r in roles if r in doubtful), roles[-1])
+        known = {name: r for r in roles for name in (r, *usual_names(r)) if len(name) > 2}
+        near = ((known[n], i) for i in free if (n := nearest(table.names[i], known)) is not None)
+        role, i = next(near, (role, doubtful.get(role, [*free, -1])[0]))
+        free = [k for k in free if k != i]
+        pairs.append(f"{role}={'NAME' if i < 0 else table.names[i] if clear else i + 1}")
+        if role in doubtful:
+            said.append(_among(table, role, doubtful[role]))
+        else:
+            words.append(" or ".join(f"{r} ({_MEANING[r]})" for r in roles))
+    how = f"name them, for instance {option('columns', ','.join(pairs))}"
+    how += f", or give {option('rate', 'HZ')}" if ("t",) in missing else ""
+    said += [f"{table.source} has no column for {', '.join(words)}"] if words else []
+    text = f"{'; '.join(said)}; its columns are {table.listed()}: {how}. {table.hint}"
+    return InputError(text.rstrip())
+
+
+def _among(table: Table, role: str, fits: list[int]) -> str:
+    twice = len({table.names[i] for i in fits}) < len(fits)
+    names = ", ".join(f"'{table.names[i]}'" + f" (column {i + 1})" * twice for i in fits)
+    return f"{role} could be any of the columns {names} of {table.source}"
+
+
+def usual_said(
+    table: Table, choices: Sequence[Choice], named: Collection[str], taken: Mapping[str, str]
+) -> list[str]:
+    """A note on columns not named by their roles; ``taken`` are units that nothing states."""
+    found = [
+        f"{c.role} = '{table.names[c.index]}'" + (f" in {taken[c.role]}" if c.role in taken else "")
+        for c in choices
+        if c.role not in named and table.names[c.index] != c.role
+    ]
+    return [f"Columns were identified by usual names: {', '.join(found)}."] if found else []
+
+
+# ---- options ---------------------------------------------------------------------
+
+
+def parse_pairs(text: str, what: str) -> dict[str, str]:
+    """Read 't=time,u=torque' into a dict by role; only of "columns" a value may be empty."""
+    pairs: dict[str, str] = {}
+    for part in re.split(r",\s*(?=\w+\s*=)", text.strip()):
+        role, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not (value or what == "columns"):
+            raise InputError(
+                f"{option(what)}: '{part.strip()}' is not of the form role=value; "
+                f"roles are {', '.join(ROLES)}."
+            )
+        if role in pairs:
+            raise InputError(f"{option(what)}: {role} is given twice.")
+        pairs[role] = value
+    return by_role(pairs, what)
+
+
+def by_role(given: Any, what: str) -> dict[str, str]:
+    """An option that gives a text by role, as a dict; InputError names ``what``, and the role that
+    may be meant by one that does not exist."""
+    if isinstance(given, str):
+        return parse_pairs(given, what)
+    if not (given is None or isinstance(given, Mapping)):
+        raise InputError(
+            f"{what} must be a dict by role, such as {{'u': ...}}, or a text, u=..., "
+            f"not {shown(given)}."
+        )
+    made = {str(role): str(value) for role, value in (given or {}).items()}
+    for role in made:
+        if role not in ROLES:
+            known = next((r for r in ROLES if role.lower() in usual_names(r)), None)
+            meant = f" ({role} is '{known}')" if known else did_you_mean(role, ROLES)
+            raise InputError(
+                f"{option(what)}: there is no role '{role}'{meant}; roles are {', '.join(ROLES)}."
+            )
+    return made
+
+
+def factors(given: Any) -> dict[str, float]:
+    """The option ``scale``, a number other than 0 by role, such as 0.35, 2pi/16384 or 1/7."""
+    found = {}
+    for role, text in by_role(given, "scale").items():
+        value = 1.0
+        try:
+            for k, part in enumerate(text.replace(" ", "").lower().split("/")):
+                for factor in re.sub(r"(?<=[\d.])pi", "*pi", part).split("*"):
+                    number = np.pi if factor == "pi" else float(factor)
+                    value = value / number if k else value * number
+        except (ValueError, ZeroDivisionError):
+            value = np.nan
+        if not np.isfinite(value) or value == 0:
+            raise InputError(
+                f"{option('scale')}: '{text}' for {role} is not a number other than 0."
+            )
+        found[role] = value
+    return found

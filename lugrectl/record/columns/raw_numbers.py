@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from ...core.errors import InputError
@@ -22,45 +20,32 @@ _TURN = {"rad": 2 * np.pi, "deg": 360.0, "rev": 1.0}
 # Steps per turn of usual encoders that are no power of two: four times the lines.
 _LINES = (100, 125, 180, 200, 250, 300, 360, 400, 500, 600, 720, 800, 900, 1000, 1250, 1500,
           1800, 2000, 2500, 3000, 3600, 5000, 6000, 9000, 10000)  # fmt: skip
-# w in one unit and theta in another, neither stated: (w over d theta/dt, theta, w).
-_BOTH = ((60.0, "rev", "rpm"), (1 / 6, "deg", "rpm"), (360.0, "rev", "deg/s"),
-         (1 / 360, "deg", "rev/s"))  # fmt: skip
 
 
-def check_angles(
-    source: str, channels: Mapping[str, np.ndarray], rate: float | None, unstated: set[str]
-) -> None:
-    """InputError if an angle without a unit shows that it is in deg or turns."""
-    channels = {k: np.where(np.abs(x) < _MARK, x, np.nan) for k, x in channels.items()}
-    theta = channels.get("theta")
-    if theta is None or "theta" not in unstated or len(theta) < _CELLS:
+def check_angles(source: str, theta: np.ndarray, t: np.ndarray, speed: bool | None) -> None:
+    """InputError if an angle without a unit shows that it is in deg or turns; ``speed``: whether w
+    is without a unit, too, None if there is no w."""
+    theta = np.where(np.abs(theta) < _MARK, theta, np.nan)
+    if len(theta) < _CELLS:
         return
-    t = channels["t"] if rate is None else np.arange(len(theta)) / rate
-    k = max(1, len(theta) // 2000)
-    step = t[k:] - t[:-k]
-    forward = np.all(np.isfinite(step)) and np.all(step > 0)
-    slope = (theta[k:] - theta[:-k]) / step if forward else np.full(len(step), np.nan)
-    ratio = _ratio(channels["w"], slope) if "w" in channels else 0.0
-    speed = "w" in unstated
-    for expected, angle, per_second in _BOTH if speed else ():
-        if abs(abs(ratio) / expected - 1) < 0.03:
-            why = f"w is {abs(ratio):.4g} times d theta/dt, as with {per_second} and {angle}"
-            raise _asked(source, why, angle, per_second)
-    if ratio and (abs(abs(ratio) - 1) > 0.1 or not speed):  # the audit converts one of them
-        return
-    found, fast = encoder_unit(theta), np.abs(slope[np.isfinite(slope)])
+    k, found = max(1, len(theta) // 2000), encoder_unit(theta)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fast = np.abs((theta[k:] - theta[:-k]) / (t[k:] - t[:-k]))
+    fastest = float(np.quantile(fast[np.isfinite(fast)], 0.9)) if np.isfinite(fast).any() else 0.0
+    unit, why = "", ""
     if found is not None:
-        why = f"its step is 1/{found[1]} of a turn in {found[0]}, and no round part of one in rad"
-        raise _asked(source, why, found[0], f"{found[0]}/s" if speed else "")
-    if _wraps(theta):
-        raise _asked(source, "it wraps after 1", "rev", "rev/s" if speed else "")
-    fastest = float(np.quantile(fast, 0.9)) if fast.size else 0.0
-    if fastest > _FASTEST:
-        why = f"read as rad it would turn at {fastest * 30 / np.pi:.3g} rpm"
-        raise _asked(source, why, "deg", "deg/s" if speed else "")
+        unit = found[0]
+        why = f"its step is 1/{found[1]} of a turn in {unit}, and no round part of one in rad"
+    elif _wraps(theta):
+        unit, why = "rev", "it wraps after 1"
+    elif fastest > _FASTEST and speed is None:
+        unit, why = "deg", f"read as rad it would turn at {fastest * 30 / np.pi:.3g} rpm"
+    if unit:
+        raise asked(source, why, unit, f"{unit}/s" if speed else "")
 
 
-def _asked(source: str, why: str, angle: str, per_second: str) -> InputError:
+def asked(source: str, why: str, angle: str, per_second: str) -> InputError:
+    """The question in which units theta, and perhaps w, are."""
     given = f"theta={angle}" + (f",w={per_second}" if per_second else "")
     usual = "theta=rad" + (",w=rad/s" if per_second else "")
     return InputError(
@@ -110,18 +95,6 @@ def _wraps(theta: np.ndarray) -> bool:
         return False
     usual = float(np.abs(steps[~jumps]).max(initial=0.0))
     return bool(np.all(np.abs(np.abs(steps[jumps]) - 1) <= 2 * usual + 0.01))
-
-
-def _ratio(w: np.ndarray, slope: np.ndarray) -> float:
-    """w over d theta/dt; 0 where the two have little in common."""
-    total, k = np.cumsum(np.r_[0.0, w]), len(w) - len(slope)
-    mean = (total[k:] - total[:-k])[: len(slope)] / k
-    good = np.isfinite(mean) & np.isfinite(slope)
-    x, y = slope[good], mean[good]
-    both, sizes = float(x @ y), (float(x @ x), float(y @ y))
-    if len(x) < _CELLS or not all(sizes) or both**2 < 0.6 * sizes[0] * sizes[1]:
-        return 0.0
-    return float(np.sign(both) * np.sqrt(sizes[1] / sizes[0]))
 
 
 # ---- registers without a sign ----------------------------------------------------

@@ -6,7 +6,8 @@ A DataFrame is known by what it can do; pandas is never imported.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -19,8 +20,7 @@ from .names import fitting, rank, split_unit, unit_in_name
 Columns = tuple[list[np.ndarray], list[str]]  # the columns, and notes on how they were read
 Header = tuple[str, str, str | None]  # name, plain name (without a unit behind it), unit
 _SHOWN = 30  # names that a sentence lists at most
-# Seconds since 1970 in the years from 2001 to 2096, in s, ms, us and ns.
-_EPOCH = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_STAMPS = (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec"))
 
 
 def row_number(row: int) -> str:
@@ -39,8 +39,11 @@ class Table:
     load: Callable[[Sequence[int]], Columns]  # float64 columns of these indices
     where: Callable[[int], str] = row_number  # "line 2102" of a text, its header counted
     hint: str = ""  # a sentence for a table whose columns cannot be identified
-    headed: bool = True  # whether the file has names
-    begins: str = "sample 1"  # the place of the first row
+
+    @classmethod
+    def of(cls, source: str, heads: Sequence[Header], load: Any, *more: Any) -> Table:
+        names, plain, units = zip(*heads, strict=True)
+        return cls(source, names, plain, units, load, *more)
 
     def listed(self) -> str:
         """The names as ``--columns`` takes them, in a sentence."""
@@ -51,108 +54,48 @@ class Table:
         rest = len(self.names) - _SHOWN
         return ", ".join(names) + (f" and {rest} more" if rest > 0 else "")
 
+    def nanoseconds(self, i: int) -> int | None:
+        """The column of nanoseconds that belongs to one of whole seconds."""
+        return _stamps(self.names).get(i, (None,))[0]
 
-def heads(headers: Sequence[str]) -> list[Header]:
+
+def heads_of(headers: Sequence[str]) -> list[Header]:
     """Name, plain name (without a unit behind it, as in torque_mNm) and unit of each header."""
-    made = []
+    made: list[Header] = []
     for header in headers:
         name, unit = split_unit(header)
         plain, other = (name, None) if unit else unit_in_name(name.strip("%_ "))
         made.append((name, plain.strip("%_ ") or name, unit or other))
+    for i, (rest, own) in _stamps([name for name, *_ in made]).items():
+        made[i], made[rest] = (made[i][0], own, "s"), (made[rest][0], "", None)
     return made
 
 
-def joined_stamps(table: Table) -> Table:
-    """The table with a column of t for whole seconds and nanoseconds in two columns."""
-    places, many = {name: i for i, name in enumerate(table.names)}, len(table.names)
-    pairs = (
-        (name.removesuffix(ending).strip("._/ ") or "stamp", i, places[other])
-        for name, i in places.items()
-        for ending, fine in (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec"))
-        if name.endswith(ending) and (other := name.removesuffix(ending) + fine) in places
-    )
-    own, seconds, rest = next(pairs, ("", 0, 0))
-    if not own or own in places:
-        return table
-
-    def load(indices: Sequence[int]) -> Columns:
-        every = [k for i in indices for k in ((i,) if i < many else (seconds, rest))]
-        columns, said = table.load(every)
-        left = iter(columns)
-        return [next(left) if i < many else together(next(left), next(left)) for i in indices], said
-
-    def together(whole: np.ndarray, fine: np.ndarray) -> np.ndarray:
-        known = whole[np.isfinite(whole)]
-        return (whole - (known[0] if known.size else 0.0)) + 1e-9 * fine
-
-    plain = ["" if i in (seconds, rest) else name for i, name in enumerate(table.plain)]
-    units, names = (*table.units, "s"), (*table.names, own)
-    return replace(table, names=names, plain=(*plain, own), units=units, load=load)
-
-
-def epoch_unit(first: float, last: float) -> str | None:
-    """The unit in which two numbers are seconds since 1970, None if they are not."""
-    return next((u for u, per in _EPOCH.items() if 1e9 * per <= first <= last < 4e9 * per), None)
-
-
-def time_columns(plain: Sequence[str], units: Sequence[str | None]) -> list[int]:
-    """The columns without a unit that may be t."""
-    free = [i for i in range(len(plain)) if units[i] is None]
-    return [i for i in free if rank(plain[i], "t") is not None]
+def _stamps(names: Sequence[str]) -> dict[int, tuple[int, str]]:
+    """By place of a column of whole seconds: that of its nanoseconds, and the name of both."""
+    found, places = {}, {name: i for i, name in enumerate(names)}
+    for seconds, fine in _STAMPS:
+        for stem in (n.removesuffix(seconds) for n in places if n.endswith(seconds)):
+            own = stem.strip("._/ ") or "stamp"
+            if stem + fine in places and own not in places:
+                found[places[stem + seconds]] = places[stem + fine], own
+    return found
 
 
 def array_table(
-    source: str,
-    columns: Sequence[tuple[str, str, str | None, Any]],
-    hint: str = "",
-    headed: bool = True,
-    number_of: Callable[[int], np.ndarray] | None = None,
+    source: str, heads: Sequence[Header], values: Sequence[Any], hint: str = ""
 ) -> Table:
-    """The table of (name, plain name, unit, values); ``number_of`` makes numbers of a column."""
-    names, plain, units, values = (list(part) for part in zip(*columns, strict=True))
-    arrays = [_as_array(one).ravel() for one in values]
-    epoch = {}  # columns of seconds since 1970, and their unit
-    for i in time_columns(plain, units):
-        x = arrays[i]
-        x = x[np.isfinite(x)] if x.dtype.kind == "f" else x
-        known = x.dtype.kind in "iuf" and x.size
-        unit = epoch_unit(float(x[0]), float(x[-1])) if known else None
-        if unit is not None:
-            epoch[i] = units[i] = unit
+    """The table of columns in memory, each with its header."""
 
     def load(indices: Sequence[int]) -> Columns:
-        chosen = [
-            _as_float(arrays[i]) if number_of is None or i in epoch else number_of(i)
-            for i in indices
-        ]
+        chosen = [_numbers(f"{source}: column '{heads[i][0]}'", values[i]) for i in indices]
         if len({one.size for one in chosen}) > 1:
             pairs = zip(indices, chosen, strict=True)
-            sizes = ", ".join(f"{names[i]} {one.size}" for i, one in pairs)
+            sizes = ", ".join(f"{heads[i][0]} {one.size}" for i, one in pairs)
             raise InputError(f"{source}: the columns differ in length ({sizes}).")
-        return chosen, epoch_said(names, epoch, indices)
+        return chosen, []
 
-    table = Table(source, tuple(names), tuple(plain), tuple(units), load, hint=hint, headed=headed)
-    return joined_stamps(table)
-
-
-def _as_array(values: Any) -> np.ndarray:
-    try:
-        return np.asarray(values)
-    except ValueError:  # ragged
-        return np.zeros(0)
-
-
-def _as_float(values: np.ndarray) -> np.ndarray:
-    """Numbers as float64; large whole numbers, as of a clock, relative to the first of them."""
-    if values.dtype.kind in "iu" and values.size and int(np.max(values)) > 2**53:
-        values = values.astype(np.int64) - np.int64(values[0])
-    return np.asarray(values, dtype=np.float64)
-
-
-def epoch_said(names: Sequence[str], epoch: dict[int, str], indices: Sequence[int]) -> list[str]:
-    """Notes on the columns that were taken for seconds since 1970."""
-    found = [i for i in indices if epoch.get(i, "s") != "s"]
-    return [f"'{names[i]}' holds {epoch[i]} since 1970 (its unit is not stated)." for i in found]
+    return Table.of(source, heads, load, row_number, hint)
 
 
 # ---- in memory -------------------------------------------------------------------
@@ -182,17 +125,12 @@ def table_of(given: Any, named: Mapping[str, str]) -> Table:
         columns += _index(given, [split_unit(name)[0] for name, _ in columns], named)
     if not columns:
         raise InputError(f"{source} has no columns.")
-    described = zip(heads([name for name, _ in columns]), columns, strict=True)
-    made = [
-        (name, plain, "s" if _is_dated(values) else unit, values)
-        for (name, plain, unit), (_, values) in described
+    names, values = zip(*columns, strict=True)
+    heads = [
+        (name, plain, "s" if _is_dated(x) else unit)
+        for (name, plain, unit), x in zip(heads_of(names), values, strict=True)
     ]
-
-    def number_of(i: int) -> np.ndarray:
-        name, values = columns[i]
-        return _numbers(f"{source}: column '{name}'", values)
-
-    return array_table(source, made, number_of=number_of)
+    return array_table(source, heads, values)
 
 
 def _columns(given: Any) -> list[tuple[str, Any]]:
@@ -245,14 +183,16 @@ def _numbers(where: str, values: Any) -> np.ndarray:
     try:  # pandas knows how its own missing values become nan
         made = np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
     except (AttributeError, TypeError, ValueError):
-        cells = _as_array(values)
+        cells = np.zeros(0)
+        with suppress(ValueError):  # ragged
+            cells = np.asarray(values).ravel()
         if cells.dtype.kind in "OUS":
-            for k, value in enumerate(cells.ravel()):
+            for k, value in enumerate(cells):
                 if value is not None and real(value) is None:
                     raise InputError(
                         f"{where} holds {shown(value)} at sample {k + 1}, which is no number."
                     ) from None
-            values = [np.nan if value is None else value for value in cells.ravel()]
+            values = [np.nan if value is None else value for value in cells]
         made = array(values, where)
     if made.ndim == 0 or made.size != max(made.shape):
         raise InputError(f"{where} must hold one number for each sample, not {shown(values)}.")

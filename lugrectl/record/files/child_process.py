@@ -1,11 +1,23 @@
-"""Run as a script, since a damaged file may bring the library down: reads an HDF5 or Parquet file
-and writes its arrays to standard output. It imports nothing of the package.
+"""Run as a script, since a damaged file may bring the library down: reads a MAT, HDF5 or Parquet
+file and writes its arrays to standard output. It imports nothing of the package.
 """
 
 import pickle
 import sys
 
 import numpy as np
+
+
+def mat(path):
+    """The variables, and the names of those that only MATLAB can read."""
+    from scipy.io import loadmat
+
+    content, hidden = loadmat(path, simplify_cells=True, appendmat=False), []
+    for name, value in list(content.items()):
+        if type(value).__name__ in ("MatlabOpaque", "MatlabFunction"):
+            hidden.append(value["s0"].ravel()[0].decode() if value.dtype.names else name)
+            del content[name]
+    return content, hidden
 
 
 def hdf(path):
@@ -42,7 +54,7 @@ def parquet(path):
 
 if __name__ == "__main__":
     try:
-        answer = True, {"hdf": hdf, "parquet": parquet}[sys.argv[1]](sys.argv[2])
+        answer = True, {"mat": mat, "hdf": hdf, "parquet": parquet}[sys.argv[1]](sys.argv[2])
     except BaseException as error:  # a damaged file raises any kind
         answer = False, " ".join(f"{error}".split())[:200] or type(error).__name__
     sys.stdout.buffer.write(pickle.dumps(answer))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import importlib.util
 import json
 import os
@@ -21,10 +20,9 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.validation import like_it
-from ..columns.table import Table, array_table, heads, seconds_of
+from ..columns.table import Table, array_table, heads_of, seconds_of
 from . import child_process
-from .mat_file import Opaque, read_mat
-from .text import is_stamp, lines_table, read_text, seconds
+from .text import is_stamp, read_text, seconds, text_table
 
 # Endings of the files that can be read; in a folder, files of others are passed over.
 SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
@@ -33,6 +31,7 @@ MODEL = ".toml"
 _OTHERS = {
     b"\xd0\xcf\x11\xe0": "an old Excel file; save it as .xlsx or CSV",
     b"SQLite format 3": "a database, as a ROS 2 bag is; export its topics as CSV",
+    b"\x1f\x8b": "a gzip archive; unpack it",
     b"\x89MCAP": "an MCAP file; export its topics as CSV, for instance with PlotJuggler",
 }
 _LONG = 160  # characters of what a library says that a sentence repeats
@@ -80,14 +79,10 @@ def read_table(path: str | Path) -> Table:
 def read_stdin() -> tuple[Table, bytes]:
     """The table on standard input, and its bytes."""
     data = sys.stdin.buffer.read()
-    return _of_bytes("stdin", data), data
-
-
-def _of_bytes(name: str, data: bytes) -> Table:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
+        path = Path(folder, "stdin")
         path.write_bytes(data)
-        return read_table(path)
+        return read_table(path), data
 
 
 def _why(error: Any) -> str:
@@ -100,13 +95,8 @@ def _why(error: Any) -> str:
 # ---- formats ------------------------------------------------------------------------
 
 
-def _gzip(path: Path) -> Table:
-    return _of_bytes(path.name.removesuffix(".gz"), gzip.decompress(path.read_bytes()))
-
-
 def _mat(path: Path) -> Table:
-    content = read_mat(path.read_bytes())
-    hidden = [name for name, value in content.items() if isinstance(value, Opaque)]
+    content, hidden = _by_child("mat", path)
     hint = "" if not hidden else (
         f"'{hidden[0]}' is an object such as a timeseries or a table, which only MATLAB can "
         f"read: save its numbers, for instance x = {hidden[0]}.Data; save('x.mat', 'x')."
@@ -171,7 +161,7 @@ def _sheet(path: Path) -> Table:
     problem = InputError(f"{path.name} holds no sheet.")
     for lines in sheets:
         try:
-            return lines_table(path.name, lines)
+            return text_table(path.name, "\n".join(lines))
         except InputError as error:
             problem = error
     raise problem
@@ -203,7 +193,6 @@ def _by_child(how: str, path: Path) -> Any:
 
 
 _READERS: tuple[tuple[bytes, str, Callable[[Path], Table]], ...] = (
-    (b"\x1f\x8b", "gzip", _gzip),
     (b"MATLAB 7.3", "HDF5", _hdf),
     (b"\x89HDF", "HDF5", _hdf),
     (b"MATLAB 5.0", "MAT", _mat),
@@ -221,24 +210,23 @@ def nested_table(source: str, content: Any, hint: str = "") -> Table:
     is column 2 of the matrix x in rec."""
     found = list(_flat("", content, "", _DEPTH))
     longest = max((len(values) for *_, values in found), default=0)
-    columns = []
-    for path, label, values in found:
-        if len(values) <= max(1, _SHORT * longest):
-            continue
-        (name, _, unit), (_, plain, other) = heads([path, label or heads([path])[0][0]])
-        if values.dtype.kind in "US":
-            unit, values = "s", seconds(list(values))
-        columns.append((name, plain, unit or other, values))
-    if len(columns) < 2:
-        listed = ", ".join(name for name, *_ in columns) or "none"
+    found = [one for one in found if len(one[-1]) > max(1, _SHORT * longest)]
+    heads = heads_of([path for path, *_ in found])
+    if len(found) < 2:
+        listed = ", ".join(name for name, *_ in heads) or "none"
         raise InputError(
             f"{source} needs at least two one-dimensional numeric arrays of equal length "
             f"(found: {listed}). {hint}".rstrip()
         )
-    headed = not all(name.isdecimal() for name, *_ in columns)
-    if not headed:
-        columns = [(name, "", unit, values) for name, _, unit, values in columns]
-    return array_table(source, columns, hint, headed)
+    values: list[Any] = [x for *_, x in found]
+    for i, (own, (_, label, x)) in enumerate(zip(heads, found, strict=True)):
+        ((_, plain, unit),) = heads_of([label or own[0]])
+        dated = x.dtype.kind in "US"
+        heads[i] = own[0], plain if label else own[1], "s" if dated else own[2] or unit
+        values[i] = seconds(list(x)) if dated else x
+    if all(name.isdecimal() for name, *_ in heads):
+        heads = [(name, "", unit) for name, _, unit in heads]
+    return array_table(source, heads, values, hint)
 
 
 def _plain(value: Any) -> Any:
@@ -246,7 +234,7 @@ def _plain(value: Any) -> Any:
     kind = getattr(value, "dtype", None)
     if kind is not None and kind.names:
         return {name: value[name] for name in kind.names}
-    if kind is not None and kind.kind == "O":
+    if kind is not None and kind.kind in "OU":
         value = list(np.ravel(value))
     if isinstance(value, dict):
         columns, data = value.get("columns"), value.get("data")
@@ -256,22 +244,9 @@ def _plain(value: Any) -> Any:
         if len(value) > 20 and all(str(key).isdecimal() for key in value):  # orient="columns"
             value = list(value.values())
     if isinstance(value, (list, tuple)) and len(value) >= 20 and isinstance(value[0], dict):
-        rows = [_one_row(item) if isinstance(item, dict) else {} for item in value]
+        rows = [item if isinstance(item, dict) else {} for item in value]
         return {key: [row.get(key) for row in rows] for key in rows[0]}
     return value
-
-
-def _one_row(item: dict[Any, Any], prefix: str = "") -> dict[str, Any]:
-    """The numbers of one sample by dotted name, those of a list by index from 1."""
-    row: dict[str, Any] = {}
-    for key, value in item.items():
-        if isinstance(value, dict):
-            row |= _one_row(value, f"{prefix}{key}.")
-        elif isinstance(value, list):
-            row |= {f"{prefix}{key}[{i + 1}]": v for i, v in enumerate(value)}
-        else:
-            row[f"{prefix}{key}"] = value
-    return row
 
 
 def _flat(name: str, value: Any, label: str, depth: int) -> Flat:

@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import csv
 import re
-from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...core.errors import InputError
 from ..columns.names import parse_unit, split_unit
-from ..columns.table import (
-    Columns,
-    Table,
-    epoch_said,
-    epoch_unit,
-    heads,
-    joined_stamps,
-    time_columns,
-)
+from ..columns.table import Columns, Header, Table, heads_of
 
 # ---- dates and times of day ------------------------------------------------------
 
@@ -37,7 +26,10 @@ _DAY = 86400.0
 
 
 def is_stamp(cell: str) -> bool:
-    """Whether a cell holds a time of day, 23:59:59.9, with or without a date before it."""
+    """Whether a cell holds a time of day, 23:59:59.9, with or without a date before it, or the
+    nanoseconds since 1970, which no float64 holds."""
+    if cell.strip().isdecimal():
+        return 10**18 < int(cell) < 4 * 10**18
     return ":" in cell and _STAMP.fullmatch(cell.strip()) is not None
 
 
@@ -47,6 +39,8 @@ def seconds(cells: Sequence[str]) -> np.ndarray:
     one, is the next day."""
     days: dict[str, float] = {}
     made = np.full(len(cells), np.nan)
+    if all(cell.strip().isdecimal() for cell in cells):
+        return np.array([1e-9 * (int(cell) - int(cells[0])) for cell in cells])
     for k, cell in enumerate(cells):
         match = _STAMP.fullmatch(cell.strip())
         if match is None:
@@ -136,131 +130,91 @@ def decimals(cells: Iterable[str]) -> tuple[dict[str, str], list[str]]:
 _SNIFF = 400  # lines read to find the delimiter, the header and the first row
 _STEADY = 10  # rows of numbers in a row that begin the data
 _COMMENTS = ("#", "%", "//")
+_PASSED = re.compile(r"\n\s*\n|#|%|//")  # in a text that may hold lines without numbers
 _BLANKS = " "  # the delimiter that stands for any number of blanks
 
 
 @dataclass(frozen=True)
-class _Text:
-    """The lines of a text and the table in them; the numbers begin at the line ``first``, from 0.
-    ``stamped`` are columns of dates and times of day, ``epoch`` those of seconds since 1970."""
+class Line:
+    """Names the line of a row: 'line 2102'."""
+
+    numbers: Sequence[int]
+
+    def __call__(self, row: int) -> str:
+        return f"line {self.numbers[row]}"
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The lines of numbers of a text, and their numbers; ``stamped`` are its columns of dates and
+    times of day."""
 
     source: str
-    lines: list[str]
-    delimiter: str
-    first: int
+    text: str
+    numbers: Sequence[int]
     names: tuple[str, ...]
-    plain: tuple[str, ...]
-    units: tuple[str | None, ...]
-    headed: bool
-    stamped: frozenset[int] = frozenset()
-    epoch: dict[int, str] = field(default_factory=dict)
-
-    def table(self) -> Table:
-        where, hint = Lines(self.lines, self.first), self.one_in_a_row()
-        columns, begins = (self.names, self.plain, self.units), f"line {self.first + 1}"
-        table = Table(self.source, *columns, self.load, where, hint, self.headed, begins)
-        return joined_stamps(table)
-
-    def one_in_a_row(self) -> str:
-        """What to do with a table of channel and value; empty for any other."""
-        rows = [_cells(line, self.delimiter) for line in self.lines[self.first :][:_SNIFF]]
-        for c, name in enumerate(self.names):
-            cells = [row[c] for row in rows if len(row) == len(self.names)]
-            channels = list(dict.fromkeys(cells))
-            words = c not in self.stamped and not any(map(is_number, channels))
-            if words and 2 <= len(channels) <= len(cells) / 4:
-                return (
-                    f"It holds one value in a row, and '{name}' says of which channel: "
-                    f"{', '.join(channels[:4])}. Give each channel a column of its own, in pandas "
-                    f"by pivot_table(columns='{name}', ...)."
-                )
-        return ""
+    delimiter: str
+    stamped: set[int]
 
     def load(self, indices: Sequence[int]) -> Columns:
         """The columns of these indices: at once where that is possible, else cell by cell."""
-        exact = (self.stamped | set(self.epoch)) & set(indices)
-        made, said = (None if exact else self.at_once(indices)) or self.by_cells(indices)
-        return made, said + epoch_said(self.names, self.epoch, indices)
+        at_once = None if self.stamped & set(indices) else self.at_once(indices)
+        return at_once or self.by_cells(indices)
 
     def at_once(self, indices: Sequence[int]) -> Columns | None:
         """The columns at C speed; None if cells must be read one by one."""
-        text, said = "\n".join(self.lines[self.first :]), []
-        if any(mark in text for mark in _COMMENTS):
-            text = "\n".join(line for line in self.lines[self.first :] if not _is_comment(line))
-        text = text.replace('"', "")  # a delimiter between quotes shows in the count below
+        # a delimiter between quotes shows in the count below
+        text, said, gap = self.text.replace('"', ""), [], re.escape(self.delimiter)
         if self.delimiter != "," and "," in text:
             if "." in text:
                 return None
             text, said = text.replace(",", "."), [DECIMAL_COMMAS]
-        blank, width = self.delimiter == _BLANKS, len(self.names)
-        gap = re.escape(self.delimiter)
-        for again in (False, True):
-            if again:  # perhaps only because of empty cells
-                text = re.sub(rf"(?<={gap})(?={gap}|$)|^(?={gap})", "nan", text, flags=re.MULTILINE)
-            try:
-                data = np.loadtxt(
-                    text.split("\n"),
-                    delimiter=None if blank else self.delimiter,
-                    usecols=indices,
-                    comments=None,
-                    ndmin=2,
+        blank = self.delimiter == _BLANKS
+        empty = rf"(?<={gap})(?={gap}|$)|^(?={gap})"
+        for again in (False,) if blank else (False, True):
+            text = re.sub(empty, "nan", text, flags=re.MULTILINE) if again else text
+            with suppress(ValueError):
+                apart = None if blank else self.delimiter
+                rows = np.loadtxt(
+                    text.split("\n"), delimiter=apart, usecols=indices, comments=None, ndmin=2
                 )
-            except ValueError:
-                if blank:
-                    return None
-                continue
-            cells = len(text.split()) if blank else text.count(self.delimiter) + len(data)
-            return (
-                (list(np.ascontiguousarray(data.T)), said) if cells == len(data) * width else None
-            )
+                cells = len(text.split()) if blank else text.count(self.delimiter) + len(rows)
+                whole = cells == len(rows) * len(self.names)
+                return (list(np.ascontiguousarray(rows.T)), said) if whole else None
         return None
 
     def by_cells(self, indices: Sequence[int]) -> Columns:
         """The columns cell by cell: one empty or typed over is missing; InputError for text."""
-        said: list[str] = []
-        numbers: list[int] = []  # of the lines
-        rows: list[list[str]] = []
-        width = len(self.names)
-        last = max(k for k, line in enumerate(self.lines, 1) if line.strip())
-        for k, line in enumerate(self.lines[self.first :], self.first + 1):
-            if _is_comment(line):
-                continue
-            cells = _cells(line, self.delimiter)
-            if len(cells) < width and k == last and rows:
-                said.append(f"The last line ({k}) is cut off and was left out.")
-                continue
-            if len(cells) != width:
-                raise _mismatch(self.source, k - 1, len(cells), width, self.delimiter)
-            rows.append([cells[i] for i in indices])
-            numbers.append(k)
-        marks, commas = decimals(cell for row in rows for cell in row)
+        rows, width, said = self.cells(), len(self.names), []
+        if len(rows[-1]) < width and len(rows) > 1:
+            said.append(
+                f"The last line ({self.numbers[len(rows) - 1]}) is cut off and was left out."
+            )
+            rows.pop()
+        odd = next((k for k, row in enumerate(rows) if len(row) != width), None)
+        if odd is not None:
+            raise _mismatch(self.source, self.numbers[odd], len(rows[odd]), width, self.delimiter)
+        columns = [[row[i] for row in rows] for i in indices]
+        marks, commas = decimals(c for cells in columns for c in cells)
         table = str.maketrans(marks)
         if marks:
-            plain = {c for row in rows for c in row if _FIGURES.fullmatch(c.strip())}
-            rows = [
-                [c.translate(table) if c in plain and not is_stamp(c) else c for c in row]
-                for row in rows
+            columns = [
+                [c.translate(table) if _FIGURES.fullmatch(c) and not is_stamp(c) else c for c in x]
+                for x in columns
             ]
-        columns = [
-            self.column(i, numbers, cells, said)
-            for i, cells in zip(indices, zip(*rows, strict=True), strict=True)
-        ]
-        return columns, [*commas, *said]
+        made = [self.column(i, x, said) for i, x in zip(indices, columns, strict=True)]
+        return made, [*commas, *said]
 
-    def column(
-        self, i: int, numbers: list[int], cells: Sequence[str], said: list[str]
-    ) -> np.ndarray:
-        """The values of a column, whose cells stand in the lines of these ``numbers``."""
+    def cells(self, most: int | None = None) -> list[list[str]]:
+        return [_cells(line, self.delimiter) for line in self.text.split("\n")[:most]]
+
+    def column(self, i: int, cells: Sequence[str], said: list[str]) -> np.ndarray:
+        """The values of a column."""
         if i in self.stamped:
             try:
                 return seconds(cells)
             except ValueError as error:
-                k = int(error.args[0])
-                raise self.no_number(i, numbers[k], cells[k], "date or time of day") from None
-        with suppress(ValueError):
-            if self.epoch.get(i) == "ns":  # no float64 holds them to the nanosecond
-                whole = np.array(cells, dtype=np.int64)
-                return (whole - whole[0]).astype(np.float64)
+                raise self.no_number(i, int(error.args[0]), cells, "date or time of day") from None
         with suppress(ValueError):
             if not any("_" in cell for cell in cells):
                 return np.array(list(map(float, cells)))
@@ -271,33 +225,27 @@ class _Text:
             except ValueError:
                 if not with_remark(cell):
                     what = "number with a decimal point" if is_number(cell) else "number"
-                    raise self.no_number(i, numbers[k], cell, what) from None
-                place = f"line {numbers[k]}, column '{self.names[i]}'"
+                    raise self.no_number(i, k, cells, what) from None
+                place = f"line {self.numbers[k]}, column '{self.names[i]}'"
                 said.append(f"The cell in {place} was typed over: '{cell}' is left out.")
         return values
 
-    def no_number(self, i: int, line: int, cell: str, what: str) -> InputError:
-        place = f"{self.source}: line {line}, column '{self.names[i]}'"
-        return InputError(f"{place}: '{cell}' is not a {what}.")
+    def no_number(self, i: int, row: int, cells: Sequence[str], what: str) -> InputError:
+        place = f"{self.source}: line {self.numbers[row]}, column '{self.names[i]}'"
+        return InputError(f"{place}: '{cells[row]}' is not a {what}.")
 
-
-class Lines:
-    """Names the line of a row: 'line 2102'. A pickle holds the numbers, not the text."""
-
-    def __init__(self, lines: list[str], first: int) -> None:
-        self.lines, self.first = lines, first
-
-    @cached_property
-    def _shifts(self) -> list[int]:
-        """The row before which each comment or blank line stands."""
-        found = [i for i, line in enumerate(self.lines[self.first :]) if _is_comment(line)]
-        return [i - k for k, i in enumerate(found)]
-
-    def __call__(self, row: int) -> str:
-        return f"line {self.first + 1 + row + bisect_right(self._shifts, row)}"
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"first": self.first, "_shifts": self._shifts}
+    def one_in_a_row(self) -> str:
+        """What to do with a table of channel and value; empty for any other."""
+        rows = [row for row in self.cells(_SNIFF) if len(row) == len(self.names)]
+        for name, cells in zip(self.names, zip(*rows, strict=True), strict=False):
+            channels = list(dict.fromkeys(cells))
+            if 2 <= len(channels) <= len(cells) / 4 and not any(map(is_number, channels)):
+                return (
+                    f"It holds one value in a row, and '{name}' says of which channel: "
+                    f"{', '.join(channels[:4])}. Give each channel a column of its own, in pandas "
+                    f"by pivot_table(columns='{name}', ...)."
+                )
+        return ""
 
 
 def read_text(path: Path) -> Table:
@@ -316,7 +264,7 @@ def read_text(path: Path) -> Table:
         text = data.decode(encoding, errors="strict" if encoding == "utf-8-sig" else "replace")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    return lines_table(path.name, text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
+    return text_table(path.name, text.replace("\r\n", "\n").replace("\r", "\n"))
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -338,12 +286,14 @@ def _is_comment(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith(_COMMENTS)
 
 
-def lines_table(source: str, lines: list[str]) -> Table:
-    sniffed = [(i, line) for i, line in enumerate(lines[:_SNIFF]) if not _is_comment(line)]
+def text_table(source: str, text: str) -> Table:
+    lines = text.split("\n", _SNIFF)[:_SNIFF]
+    sniffed = [(i, line) for i, line in enumerate(lines) if not _is_comment(line)]
     if not sniffed:
         raise InputError(f"{source} is empty: it has no line of data.")
     delimiter, width, tail = _delimiter(source, [line for _, line in sniffed])
-    numeric = [_is_numeric([row[c] for row in tail]) for c in range(width)]
+    columns = list(zip(*tail, strict=True))
+    numeric = [*map(_is_numeric, columns)]
     likes = [_like_data(_cells(line, delimiter), numeric) for _, line in sniffed]
     starts = (
         k
@@ -356,34 +306,26 @@ def lines_table(source: str, lines: list[str]) -> Table:
         raise InputError(f"{source} has no row of numbers in its first {_SNIFF} lines.")
     first, above = sniffed[start][0], [line for _, line in sniffed[:start]]
     found = _header(above, lines[:first], delimiter, width)
-    headed = found is not None
-    names, plain, units = zip(*found or [(str(k + 1), "", None) for k in range(width)], strict=True)
-    if len(names) == width - 1 and not any(row[-1] for row in tail):
-        names, plain, units = (*names, ""), (*plain, ""), (*units, None)
-    if len(names) != width:
-        raise _mismatch(source, first, width, len(names), delimiter)
-    return _with_times(
-        _Text(source, lines, delimiter, first, names, plain, units, headed), tail
-    ).table()
+    heads = found or [(str(k + 1), "", None) for k in range(width)]
+    if len(heads) == width - 1 and not any(columns[-1]):
+        heads.append(("", "", None))
+    if len(heads) != width:
+        raise _mismatch(source, first + 1, width, len(heads), delimiter)
+    stamped = {c for c, x in enumerate(columns) if sum(map(is_stamp, x)) > len(x) / 2}
+    for c in stamped:
+        name, plain, _ = heads[c]
+        heads[c] = (name or "time", plain or "time", "s")
+    text, numbers = _numbered(text.split("\n", first)[-1].rstrip("\n"), first + 1)
+    rows = _Rows(source, text, numbers, tuple(name for name, *_ in heads), delimiter, stamped)
+    return Table.of(source, heads, rows.load, Line(numbers), rows.one_in_a_row())
 
 
-def _with_times(text: _Text, tail: list[list[str]]) -> _Text:
-    """The same with its columns of stamps and of seconds since 1970."""
-    columns = list(zip(*tail, strict=True))
-    stamped = {c for c, cells in enumerate(columns) if sum(map(is_stamp, cells)) > len(cells) / 2}
-    units = ["s" if c in stamped else unit for c, unit in enumerate(text.units)]
-    plain = [p or "time" * (c in stamped) for c, p in enumerate(text.plain)]
-    names = tuple(n or plain[c] for c, n in enumerate(text.names))
-    epoch = {}
-    for c in time_columns(plain, units):
-        present = [
-            number(x) for x in columns[c] if "," not in x and is_number(x) and not is_stamp(x)
-        ]
-        unit = epoch_unit(present[0], present[-1]) if present else None
-        if unit is not None:
-            epoch[c] = units[c] = unit
-    return replace(text, names=names, plain=tuple(plain), units=tuple(units),
-                   stamped=frozenset(stamped), epoch=epoch)  # fmt: skip
+def _numbered(text: str, first: int) -> tuple[str, Sequence[int]]:
+    """A text without its comments and blank lines, and the numbers of the others."""
+    if not _PASSED.search(text):
+        return text, range(first, first + text.count("\n") + 1)
+    kept = [(k, line) for k, line in enumerate(text.split("\n"), first) if not _is_comment(line)]
+    return "\n".join(line for _, line in kept), [k for k, _ in kept]
 
 
 def _mismatch(source: str, line: int, width: int, names: int, delimiter: str) -> InputError:
@@ -391,7 +333,7 @@ def _mismatch(source: str, line: int, width: int, names: int, delimiter: str) ->
     if delimiter == "," and width > names:
         hint = "if these are decimal commas, separate the columns by semicolons"
     return InputError(
-        f"{source}: line {line + 1} has {width} cells but the header names {names} columns; {hint}."
+        f"{source}: line {line} has {width} cells but the header names {names} columns; {hint}."
     )
 
 
@@ -435,9 +377,7 @@ def _like_data(cells: list[str], numeric: list[bool]) -> bool:
 # ---- the header ------------------------------------------------------------------
 
 
-def _header(
-    above: list[str], before: list[str], delimiter: str, width: int
-) -> list[tuple[str, str, str | None]] | None:
+def _header(above: list[str], before: list[str], delimiter: str, width: int) -> list[Header] | None:
     """Name, plain name and unit of each column, by the lines ``above`` the numbers, or by remarks
     if all lines ``before`` them are such; None without a header."""
     rows = [_names(line, delimiter, width) for line in above]
@@ -474,11 +414,11 @@ def _names(line: str, delimiter: str, width: int) -> list[str]:
     return line.split()
 
 
-def _columns(names: list[str], below: list[str]) -> list[tuple[str, str, str | None]]:
+def _columns(names: list[str], below: list[str]) -> list[Header]:
     """The columns of a header and of the units below it, without unnamed ones at the end."""
     found = [
         (name, plain, unit or cell.strip("[]() ") or None)
-        for (name, plain, unit), cell in zip(heads(names), below, strict=True)
+        for (name, plain, unit), cell in zip(heads_of(names), below, strict=True)
     ]
     while found and found[-1][0] == "" and found[-1][2] is None:
         found.pop()

@@ -3,10 +3,9 @@ codes, outliers, jumps of a position that are no motion, and motion that stands 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage
 
 from ...core.unit_names import si_unit
@@ -32,26 +31,17 @@ _TURN = 2 * np.pi
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _SMALL = 1 / 3  # of the range, largest step beside which a wrap (above two thirds) is plain
 _BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
-_STUCK, _LONG = 3, 20  # equal samples in a row that may be a stuck sensor; of a noisy speed
+_STUCK = 3  # equal samples in a row that may be a stuck sensor
 
 
 def say_missing(log: Stamped) -> None:
     """Say where the log itself holds no number, or one that no sensor gives."""
     for role in log.required:
         missing = ~np.isfinite(log.channels[role])
-        lengths = repeats(missing)
-        short = int(np.count_nonzero(missing & (lengths <= FILL)))
-        if short:
-            log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how(role)}).")
-        long = missing & (lengths > FILL)
-        if long.any():
-            first, total = int(long.argmax()), int(long.sum())
-            rows = count(int(lengths[first]), "row")
-            more = f", {total} in all" if total > lengths[first] else ""
-            log.say(
-                f"{role} has no number in {rows} from {log.place(first)} on{more}: the record is "
-                "cut there."
-            )
+        short = missing & (repeats(missing) <= FILL)
+        for rows, what in ((short, f"filled in ({how(role)})"), (missing & ~short, "cut there")):
+            if rows.any():
+                log.say(f"{role} has no number {log.places(rows)}: {what}.")
         with np.errstate(invalid="ignore"):
             huge = np.abs(log.channels[role]) >= HUGE
         _leave_out(log, role, huge, "which no sensor gives")
@@ -89,34 +79,26 @@ def _code(x: np.ndarray) -> np.ndarray:
     often = values[np.argsort(-counts)[:2]] if len(values) >= 20 else []
     for value in dict.fromkeys((0.0, *often, values[0], values[-1])) if len(often) else ():
         at = x == value
-        if _FEWEST <= at.sum() <= _MOST * len(x):
-            found = at & (repeats(at) <= _BRIEF)
-            if found.sum() >= max(_FEWEST, 0.8 * at.sum()) and _is_off(x, found, value):
-                return found
+        found = at & (repeats(at) <= _BRIEF)
+        if at.sum() > _MOST * len(x) or found.sum() < max(_FEWEST, 0.8 * at.sum()):
+            continue
+        plain, others = bridged(x, found), np.flatnonzero(~found)
+        after = np.searchsorted(others, np.flatnonzero(found))
+        beside = (x[others[k.clip(0, len(others) - 1)]] for k in (after - 1, after))
+        steps = ndimage.median_filter(np.abs(np.diff(plain, append=plain[-1])), 9)
+        rough = 8 * ndimage.maximum_filter1d(steps, 9) + 6 * resolution(plain)
+        far = _outside(value, *beside) > rough[found] + 0.02 * spread(plain)
+        if far.mean() > 0.5:
+            return found
     return np.zeros(len(x), bool)
-
-
-def _is_off(x: np.ndarray, at: np.ndarray, value: float) -> bool:
-    """Return whether the value is mostly far outside the rows on either side."""
-    others = np.flatnonzero(~at)
-    if len(others) < 16:
-        return False
-    steps = np.abs(np.diff(x[others], append=x[others[-1]]))
-    rough = ndimage.maximum_filter1d(ndimage.median_filter(steps, 9, mode="nearest"), 9)
-    after = np.searchsorted(others, np.flatnonzero(at))
-    before, after = (after - 1).clip(0), after.clip(0, len(others) - 1)
-    low, high = np.quantile(x[others], [0.01, 0.99])
-    limit = 8 * rough[after] + 6 * resolution(x[others]) + 0.02 * (high - low)
-    far = _outside(value, x[others[before]], x[others[after]]) > limit
-    return bool(far.sum() >= _FEWEST and far.mean() > 0.5)
 
 
 # ---- outliers -----------------------------------------------------------------------
 
 
 def leave_out_outliers(log: Stamped, role: str) -> None:
-    """Leave out samples of a channel that are far off their neighbours, by more than others; in the
-    motion up to four in a row. What another signal shows stays, however rare it is."""
+    """Leave out samples of a channel that are far off their neighbours, by more than others. What
+    another signal shows stays, however rare it is."""
     good = np.isfinite(log.channels[role])
     x = bridged(log.channels[role], ~good)
     if good.sum() < 16 or np.ptp(x) == 0:
@@ -132,26 +114,10 @@ def leave_out_outliers(log: Stamped, role: str) -> None:
         bad[ends] &= far[ends] > high - low
         bad &= ~_felt(log, bad) if bad.any() else bad
     else:
-        bad = good & (bad | _brief(x, limit)) & ~confirmed(log, role)
+        bad &= ~confirmed(log, role)
     if role == "w":  # it may be the difference of a position over lost rows: too large
         bad &= np.diff(log.t, prepend=log.t[:1]) <= 1.5 * usual_step(log.t)
     _leave_out(log, role, bad)
-
-
-def _brief(x: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """Return where two to four samples in a row lie beyond those on either side, all one way."""
-    bad = np.zeros(len(x), bool)
-    for rows in (2, 3, 4):
-        before, after = x[: -rows - 1], x[rows + 1 :]
-        least = most = x[1:-rows]
-        for k in range(1, rows):  # far quicker than a reduction over so few samples
-            own = x[1 + k : len(x) - rows + k]
-            least, most = np.minimum(least, own), np.maximum(most, own)
-        above = least - np.maximum(before, after)
-        below = np.minimum(before, after) - most
-        found = np.flatnonzero(np.maximum(above, below) > limit[1 : len(above) + 1]) + 1
-        bad[(found[:, None] + np.arange(rows)).ravel()] = True
-    return bad
 
 
 def _felt(log: Stamped, bad: np.ndarray) -> np.ndarray:
@@ -213,46 +179,21 @@ def _limits(x: np.ndarray) -> np.ndarray:
 # ---- jumps of the motion ------------------------------------------------------------
 
 
-class Jumps(NamedTuple):
-    """Steps of a position that are no motion: between good row ``a`` and good row ``b``, ``size``
-    beyond the motion around, known to ``margin``."""
-
-    a: np.ndarray
-    b: np.ndarray
-    size: np.ndarray
-    margin: np.ndarray
-
-
-def _jumps(log: Stamped, role: str) -> Jumps:
-    """Find the steps of a channel that neither its speed on either side nor another signal show."""
-    x = log.channels[role]
+def _jumps(log: Stamped) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The steps of theta that neither its speed on either side nor w show: the good rows before
+    and after each, and its size beyond the motion around."""
+    x = log.channels["theta"]
     good = np.flatnonzero(np.isfinite(x))
     if len(good) < 16:
-        return Jumps(good[:0], good[:0], *np.zeros((2, 0)))
+        return good[:0], good[:0], np.zeros(0)
     values, dt = x[good], usual_step(log.t) or 1.0
     elapsed = np.maximum(np.diff(log.t[good]) / dt, 1.0)
     speed, quiet = np.diff(values) / elapsed, resolution(values)
     far = _distances(np.arange(len(speed), dtype=float), speed)
     at = np.flatnonzero(far > _limits(speed) + 6 * quiet + 3 * np.quantile(far, _RARE))
-    at = at[~confirmed(log, role)[good[at + 1]]]
-    usual = np.nan_to_num(_medians(np.column_stack(_beside(speed, at))))
-    size, margin = np.diff(values)[at] - usual * elapsed[at], 2 * np.abs(usual) + 4 * quiet
-    return Jumps(good[at], good[at + 1], size, margin)
-
-
-def _beside(speed: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
-    """The usual speed of up to four rows before and after each of the rows ``at``, without them."""
-    calm = speed.copy()
-    calm[at] = np.nan
-    around = sliding_window_view(np.pad(calm, 4, constant_values=np.nan), 9)[at]
-    return [_medians(around[:, :4]), _medians(around[:, 5:])]
-
-
-def _medians(rows: np.ndarray) -> np.ndarray:
-    """The median of the numbers in each row; nan without any."""
-    some, made = np.isfinite(rows).any(1), np.full(len(rows), np.nan)
-    made[some] = np.nanmedian(rows[some], axis=1)
-    return made
+    at = at[~confirmed(log, "theta")[good[at + 1]]]
+    usual = bridged(speed, np.isin(np.arange(len(speed)), at))[at]
+    return good[at], good[at + 1], np.diff(values)[at] - usual * elapsed[at]
 
 
 def confirmed(log: Stamped, role: str) -> np.ndarray:
@@ -275,75 +216,47 @@ def confirmed(log: Stamped, role: str) -> np.ndarray:
 
 
 def cut_at_jumps(log: Stamped) -> None:
-    """Leave out what stands still by mistake; begin a part where a position jumps else."""
-    jumps = {role: _leave_out_stuck(log, role) for role in log.motion_roles}
-    if "theta" not in jumps:
+    """Leave out runs of one position that end or begin at a jump and were not read; begin a part
+    where the position jumps else."""
+    if "theta" not in log.channels:
         return
-    found = jumps["theta"]
-    at = [b for a, b in zip(found.a, found.b, strict=True) if not log.new[a + 1 : b + 1].any()]
-    if at:
-        log.new[at] = True
-        size = f"{found.size[found.b == at[0]][0]:.4g} {si_unit('theta', log.motion)}"
-        more = f" and {count(len(at) - 1, 'time')} more" if len(at) > 1 else ""
+    x, (a, b, size) = log.channels["theta"], _jumps(log)
+    bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
+    for i, (before, after) in enumerate(zip(a, b, strict=True)):
+        start = edges[np.searchsorted(edges, before, side="right") - 1]
+        stop = edges[np.searchsorted(edges, after, side="right")]
+        back = size[i + 1 : i + 2] * (a[i + 1 : i + 2] < stop)
+        into, out_of = slice(start, before + 1), slice(after, stop)
+        sudden = _is_stuck(log, into, x[max(start - 4, 0) : start + 1])
+        bad[into] |= sudden
+        returns = stop - after >= _STUCK and bool(np.any(size[i] * back < 0))
+        bad[out_of] |= returns or _is_stuck(log, out_of, x[stop - 1 : stop + 4][::-1])
+    if bad.any():
+        first = log.value("theta", int(bad.argmax()))
+        said = f"theta stands at {first} {log.places(bad)}, and then jumps: left out."
+        log.leave_out("theta", bad, said)
+        a, b, size = _jumps(log)
+    new = [not log.new[i + 1 : j + 1].any() for i, j in zip(a, b, strict=True)]
+    if any(new):
+        b, size = b[new], size[new]
+        log.new[b] = True
+        more = f" and {count(len(b) - 1, 'time')} more" if len(b) > 1 else ""
         log.say(
-            f"theta jumps by {size} at {log.place(at[0])}{more}, which is no motion: the "
-            "parts are treated separately."
+            f"theta jumps by {size[0]:.4g} {si_unit('theta', log.motion)} at {log.place(b[0])}"
+            f"{more}, which is no motion: the parts are treated separately."
         )
 
 
-def _leave_out_stuck(log: Stamped, role: str) -> Jumps:
-    """The jumps of a channel, after leaving out runs of one value that end or begin at one: a
-    position that stops at once, a speed that loses its noise, what jumps back after it, or a
-    channel that stands still with all others, was not read."""
-    x, found = log.channels[role], _jumps(log, role)
-    bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
-    for i, (before, after) in enumerate(zip(found.a, found.b, strict=True)):
-        start = edges[np.searchsorted(edges, before, side="right") - 1]
-        stop = edges[np.searchsorted(edges, after, side="right")]
-        there, back = found.size[i], found.size[i + 1 : i + 2] * (found.a[i + 1 : i + 2] < stop)
-        returns = abs(there + back) <= 0.3 * abs(there) + 2 * found.margin[i : i + 2].sum()
-        if stop - after >= _STUCK and np.any((there * back < 0) & (returns | (role == "theta"))):
-            bad[after:stop] = True
-        for run, backward in ((slice(start, before + 1), True), (slice(after, stop), False)):
-            starts = role == "w" and x[run.start] == 0  # a drive at rest may start within a row
-            if not starts and run.stop - run.start >= _STUCK:
-                bad[run] |= _is_stuck(log, role, run, backward)
-    if not bad.any():
-        return found
-    if role == "w":  # a speed that keeps its last value now and then stands, whatever ends that
-        kept = (x != 0) & (repeats(x) > _LONG)
-        bad |= kept & _differ(x[~kept])
-    first = int(bad.argmax())
-    log.leave_out(
-        role,
-        bad,
-        f"{role} stands at {log.value(role, first)} for {count(int(bad.sum()), 'row')} from "
-        f"{log.place(first)} on and then jumps: these rows are left out.",
-    )
-    return _jumps(log, role)
-
-
-def _is_stuck(log: Stamped, role: str, run: slice, backward: bool) -> bool:
-    """Return whether the rows of one value before (``backward``) or after a jump were not read."""
-    x = log.channels[role]
-    beside = x[max(run.start - 4, 0) : run.start + 1]
-    if not backward:
-        beside = x[run.stop - 1 : run.stop + 4][::-1]
+def _is_stuck(log: Stamped, run: slice, beside: np.ndarray) -> bool:
+    """Return whether the rows of one position, with the rows ``beside`` them, were not read."""
+    if run.stop - run.start < _STUCK:
+        return False
     steps = np.diff(beside[np.isfinite(beside)])
     if len(steps) > 1:  # the motion stops or sets in at once
         usual = abs(np.median(steps))
         if usual > 3 * np.abs(np.diff(steps)).max() + 1e-12 and abs(steps[-1]) > 0.5 * usual:
             return True
-    others = (log.channels[other][run] for other in log.required)
-    if all(bool((part == part[0]).all()) for part in others):
-        return True
-    noisy = _differ(np.r_[x[: run.start], x[run.stop :]])
-    return role == "w" and run.stop - run.start >= _LONG and noisy
-
-
-def _differ(x: np.ndarray) -> bool:
-    """Return whether nearly every sample differs from the one before."""
-    return len(x) > 1 and bool(np.mean(np.diff(x) == 0) < 0.05)
+    return all(np.ptp(log.channels[role][run]) == 0 for role in log.required)
 
 
 # ---- wrapped positions --------------------------------------------------------------
@@ -381,20 +294,18 @@ def _period(values: np.ndarray, steps: np.ndarray, at: np.ndarray, motion: str) 
     travel, step = float(np.ptp(values)), quantum(values)
     if np.abs(np.delete(steps, at)).max(initial=0.0) > _SMALL * travel:
         return 0.0
-    before, after = _beside(steps, at)
-    speed = np.nan_to_num(_medians(np.column_stack([before, after])))
+    speed = bridged(steps, np.isin(np.arange(len(steps)), at))[at]
     sizes, quiet = np.abs(steps[at] - speed), resolution(values)
     period, usual = float(np.median(sizes)), 2 * float(np.median(np.abs(speed))) + 4 * quiet
-    known = [2.0**bits * step for bits in _BITS if step]
-    known += [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
-    nearest = min(known, key=lambda size: abs(size - period), default=0.0)
     alike = np.abs(sizes - period) <= 2 * np.abs(speed) + usual
     back = (np.diff(at) <= _BRIEF) & (np.diff(np.sign(steps[at])) != 0)
     if not alike.all() or (np.r_[False, back] | np.r_[back, False]).all():
         return 0.0
+    known = [2.0**bits * step for bits in _BITS if step]
+    known += [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
+    nearest = min(known, key=lambda size: abs(size - period), default=0.0)
     if abs(nearest - period) <= 2 * quiet + usual / np.sqrt(len(at)):
         return nearest
-    steady = np.abs(before - after) <= 0.3 * np.abs(speed) + quiet
-    steady &= np.abs(speed) > max(0.5 * quiet, 1e-9 * travel)
-    goes_on = not back.any() and steady.mean() > 0.6 and travel <= 1.02 * period + usual
+    moves = np.abs(speed) > max(0.5 * quiet, 1e-9 * travel)
+    goes_on = not back.any() and moves.mean() > 0.6 and travel <= 1.02 * period + usual
     return period if goes_on and period >= 20 * usual else 0.0

@@ -3,7 +3,7 @@ channels that are renewed only every k-th row."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from scipy import ndimage
@@ -14,7 +14,6 @@ from .rows import HELD, Stamped, bridged, count, means_from
 HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 FEWEST = 12  # rows in one piece; fewer show no motion
 FILL = 3  # most rows missing in a row that do not make a gap
-_EXACT = 0.01  # stamps this close to the grid (in steps) count as on it
 _JITTER = 0.2  # steps that vary by more hide missing rows
 _BESIDE = 25  # rows on either side of a gap that show whether time was lost
 _WILD = 200  # most rows in a row whose stamps are wrong while the rows around them go on
@@ -47,10 +46,9 @@ def put_in_time(log: Stamped) -> None:
         log.keep(~empty)
     _wild(log)
     _back(log)
-    _even_out(log)
+    use_true_times(log)
     _merge_doubles(log)
     _gaps(log)
-    _jitter(log)
     steps = np.diff(log.t)[~log.new[1:]]
     if len(steps) and steps.max() > 0 and not plausible(typical_step(steps)):
         log.say(slow(1 / typical_step(steps), log.labels))
@@ -154,38 +152,6 @@ def nice(dt: float) -> float:
     return short if abs(short - dt) < 1e-9 * dt else float(f"{dt:.12g}")
 
 
-def _even_out(log: Stamped) -> None:
-    """Stamps rounded to few digits: the even grid that they were rounded from. Rows that are lost
-    one by one leave the same steps; then the motion is smoother over the stamps."""
-    t, x = log.t.copy(), log.motion_signal
-    for part in log.parts():
-        since, rows = t[part] - t[part.start], np.arange(part.stop - part.start)
-        if len(rows) <= FEWEST or not _rounded(since, rows):
-            continue
-        dt = nice(float(np.polyfit(rows, since, 1)[0]))
-        even = t[part.start] + dt * rows
-        ahead = np.all(np.diff(t[part]) > 0)
-        if ahead and _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
-            continue
-        t[part] = even
-        log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
-    log.t = t
-
-
-def _rounded(since: np.ndarray, rows: np.ndarray) -> bool:
-    """Whether the stamps are an even grid rounded to few digits, without jitter or loss."""
-    steps = np.diff(since)
-    typical, spread = float(np.mean(steps)), np.ptp(steps)
-    has_loss = steps.min() > 0 and steps.max() > 4 * typical
-    if typical <= 0.0 or spread < 2 * _EXACT * typical or has_loss:
-        return False
-    _, shares = np.unique(np.rint(steps / (_EXACT * typical)), return_counts=True)
-    if len(shares) != 2 or shares.min() < 0.02 * len(steps):
-        return False
-    error = since - np.polyval(np.polyfit(rows, since, 1), rows)
-    return bool(np.abs(error).max() < 0.7 * spread)
-
-
 def _merge_doubles(log: Stamped) -> None:
     """Merge rows of one stamp: the last value of a held channel, the mean of the others."""
     first = np.r_[True, np.diff(log.t) > 0] | log.new
@@ -206,7 +172,8 @@ def _merge_doubles(log: Stamped) -> None:
 
 def _gaps(log: Stamped) -> None:
     """Begin a new part after a longer loss of rows, say it, and leave out parts of a few rows."""
-    for part, t, dt in _timed(log):
+    for part in (p for p in log.parts() if p.stop - p.start > 1):
+        t, dt = log.t[part], typical_step(np.diff(log.t[part]))
         for k in np.flatnonzero(np.diff(t) > (FILL + 1.5) * dt):
             # stamps that are only late are made up for soon
             before, after = t[max(k - _BESIDE + 1, 0) : k + 1], t[k + 1 : k + 1 + _BESIDE]
@@ -225,13 +192,6 @@ def _gaps(log: Stamped) -> None:
         )
 
 
-def _timed(log: Stamped) -> Iterator[tuple[slice, np.ndarray, float]]:
-    """Each part of two rows or more, its stamps and their step."""
-    for part in log.parts():
-        if part.stop - part.start > 1:
-            yield part, log.t[part], typical_step(np.diff(log.t[part]))
-
-
 def leave_out_scraps(log: Stamped) -> None:
     """Leave out parts that are too short to be useful, if there are others."""
     scraps = np.zeros(len(log.t), bool)
@@ -246,20 +206,6 @@ def leave_out_scraps(log: Stamped) -> None:
         log.keep(~scraps)
 
 
-def _jitter(log: Stamped) -> None:
-    """Say how much the stamps jitter."""
-    worst, rms, step = 0.0, 0.0, 0.0
-    for _, t, dt in _timed(log):
-        off = np.diff(t) - dt * multiples(np.diff(t), dt)
-        if min(np.abs(np.cumsum(off)).max(), np.abs(off).max()) > _EXACT * dt:
-            worst, rms, step = max(worst, np.abs(off).max()), max(rms, np.std(off)), dt
-    if worst:
-        log.say(
-            f"t jitters by up to {100 * worst / step:.3g} % of its step of {step:.6g} s "
-            f"({rms:.2g} s RMS): resampled to an even step (u held, motion interpolated)."
-        )
-
-
 def use_true_times(log: Stamped) -> None:
     """Replace stamps by a smooth clock where that makes the motion much smoother."""
     x, t = log.motion_signal, log.t.copy()
@@ -271,7 +217,7 @@ def use_true_times(log: Stamped) -> None:
         rms = float(np.std(t - log.t))
         log.say(
             f"The motion is much smoother over an even clock than over the stamps of t: they were "
-            f"given late ({rms:.2g} s RMS), and the even clock was used."
+            f"given late or rounded ({rms:.2g} s RMS), and the even clock was used."
         )
         log.t = t
 
@@ -286,7 +232,8 @@ def _believed(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     even = line + ndimage.uniform_filter1d(late, _WIDTH, mode="nearest")
     if np.any(np.diff(even) <= 0) or np.abs(np.diff(late)).max() > 3 * np.mean(steps):
         return t  # rows are missing
-    return even if _roughness(t, x) > _SMOOTHER * _roughness(even, x) else t
+    first = np.r_[True, steps > 0]  # stamps rounded to few digits come again
+    return even if _roughness(t[first], x[first]) > _SMOOTHER * _roughness(even, x) else t
 
 
 def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -314,46 +261,20 @@ def _roughness(t: np.ndarray, x: np.ndarray) -> float:
 _SLOWEST = 64  # rows; a channel held for longer is one that stands
 _ON_BEAT = 0.97  # of its changes come every k-th row
 _CHANGES = 20  # that show it
-_ROUNDED = 1e-6  # rows, for rounding
 
 
-def _renewed_every(x: np.ndarray) -> tuple[float, float]:
-    """Every how many rows (2.5, if it has a clock of its own) a channel (N,) changes, and the place
-    below that where; (1, 0) if it may change in any row. NaN counts as no change."""
+def _renewed_every(x: np.ndarray) -> tuple[int, int]:
+    """Every how many rows a channel (N,) changes, and the place below that where; (1, 0) if it may
+    change in any row. NaN counts as no change."""
     good = np.flatnonzero(np.isfinite(x))
-    changes = np.diff(x[good])
-    at = good[1:][changes != 0]
+    at = good[1:][np.diff(x[good]) != 0]
     # each change off the beat spoils two distances at most
-    if len(at) < _CHANGES or np.sum(np.diff(at) == 1) > 2 * (1 - _ON_BEAT) * len(at) + 1:
-        return 1, 0
-    for every in range(_SLOWEST, 1, -1):
+    often = len(at) < _CHANGES or np.sum(np.diff(at) == 1) > 2 * (1 - _ON_BEAT) * len(at) + 1
+    for every in () if often else range(_SLOWEST, 1, -1):
         shares = np.bincount(at % every, minlength=every) / len(at)
         if shares.max() >= _ON_BEAT and len(at) >= max(_CHANGES, 0.1 * len(x) / every):
             return every, int(shares.argmax())
-    every, first = _beat(at, len(x))
-    held = np.mean((at - first) % every < 1.0) >= _ON_BEAT and 1 < every <= _SLOWEST
-    size = np.abs(changes[changes != 0])  # nearly all of one: an encoder at one speed, no beat
-    counts = np.mean(np.abs(size - np.median(size)) < 1e-6 * np.median(size)) >= _ON_BEAT
-    enough = len(at) >= max(_CHANGES, 0.1 * len(x) / every)
-    return (every, first) if held and enough and not counts else (1, 0)
-
-
-def _beat(at: np.ndarray, rows: int) -> tuple[float, float]:
-    """The even beat that most changes, in the rows ``at``, are the first row of or after."""
-    steps = np.diff(at)
-    least = np.quantile(steps, 1 - _ON_BEAT, method="higher")  # one of them: there may be few
-    rough = float(np.mean(steps[(steps >= least) & (steps <= least + 1)]))
-    size = int(2 ** np.ceil(np.log2(4 * rows)))
-    spectrum = np.abs(np.fft.rfft(np.bincount(at, minlength=rows), size))
-    low, high = (int(round(size / (rough + off))) for off in (0.5, -0.5))
-    every = size / (low + int(np.argmax(spectrum[low : high + 1])))
-    start = np.angle(np.mean(np.exp(2j * np.pi * at / every))) * every / (2 * np.pi)
-    for _ in range(2):
-        beat = np.rint((at - start) / every)
-        every, start = np.polyfit(beat, at, 1)
-    after = at - every * np.rint((at - start) / every)
-    first = float(np.quantile(after, 0.5 * (1 - _ON_BEAT)) - _ROUNDED)
-    return float(every), first % float(every)
+    return 1, 0
 
 
 def keep_renewed(log: Stamped) -> None:
@@ -373,7 +294,8 @@ def keep_renewed(log: Stamped) -> None:
         )
         del log.channels[slow.pop()]
     if "u" in found and not slow:
-        values = log.channels["u"][_rows(*found["u"], len(log.t))]
+        every, first = found["u"]
+        values = log.channels["u"][first::every]
         values = values[np.isfinite(values)]
         if len(np.unique(values)) < 0.3 * len(values):  # the same again and again: a program
             del found["u"]
@@ -385,16 +307,9 @@ def keep_renewed(log: Stamped) -> None:
         f"{' and '.join(found)} {verb} renewed only every {1e3 * every * dt:.4g} ms: only these "
         "rows are used."
     )
-    rows = _rows(every, first, len(log.t))
+    rows = np.arange(first, len(log.t), every)
     if "u" not in found:
         means = np.full(len(log.t), np.nan)
         means[rows] = means_from(rows, log.channels["u"])  # its integral is kept
         log.channels["u"] = means
     log.keep(np.isin(np.arange(len(log.t)), rows))
-    if slow and every % 1:  # its clock is even, the rows in which it was seen first are not
-        use_true_times(log)
-
-
-def _rows(every: float, first: float, rows: int) -> np.ndarray:
-    """The rows at a beat, or the first ones after it."""
-    return np.ceil(np.arange(first, rows - 1 + _ROUNDED, every)).astype(int)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.numeric import column_sizes, top_speed
-from ...core.regression import spread
+from ...core.regression import TINY, Prior, robust, spread
 from ...core.unit_names import si_unit
 from ..signal_noise import quantum, repeats
 from .clock import FEWEST, typical_step
-from .rows import Stamped, bridged, count
+from .rows import Stamped, bridged
 
 _WIDTHS = (4, 6, 9, 14, 20, 30, 45, 70)  # samples, half-widths of the windows that are tried
 _LONGEST = 0.15  # s, half-width of the widest window
@@ -29,7 +29,6 @@ _AT_LIMIT = 2  # the same on the end of the channel's range
 _MOST = 0.6  # of the rows: a torque that stands longer is held on purpose
 _FAR = 10.0  # times the usual error of the balance, to call a torque untrue
 _SHARE = 0.02  # the same as a share of the torque
-_SEGMENTS = 4000  # between jumps of a register; with more, its jumps are noise
 
 
 # ---- the torque that the motion needs -----------------------------------------------
@@ -65,29 +64,24 @@ def balance(log: Stamped, unknown: np.ndarray | None = None) -> Balance | None:
     dt = typical_step(np.concatenate([np.diff(log.t[p]) for p in parts]))
     widths = [w for w in _WIDTHS if w * dt <= max(_LONGEST, _WIDTHS[0] * dt) and 6 * w < longest]
     some = [slice(p.start, min(p.stop, p.start + _ENOUGH)) for p in parts if p.start < _ENOUGH]
-    best = _best(log, skip, some, widths)
-    if some == parts:
-        return best
-    return _best(log, skip, parts, widths if best is None else [best.width])
+    best = None
+    for chosen in [some] if some == parts else [some, parts]:
+        tried = [fit for width in widths if (fit := _fit(log, skip, chosen, dt, width)) is not None]
+        best = min(tried, key=lambda fit: fit.share, default=None)
+        best = best if best is not None and best.share < 0.5 else None
+        widths = widths if best is None else [best.width]
+    return best
 
 
-def _best(
-    log: Stamped, skip: np.ndarray, parts: list[slice], widths: Sequence[int]
+def _fit(
+    log: Stamped, skip: np.ndarray, parts: list[slice], dt: float, width: int
 ) -> Balance | None:
-    """Return the balance that explains most of the torque; None if it is less than half."""
-    tried = [fit for width in widths if (fit := _fit(log, skip, parts, width)) is not None]
-    best = min(tried, key=lambda fit: fit.share, default=None)
-    return best if best is not None and best.share < 0.5 else None
-
-
-def _fit(log: Stamped, skip: np.ndarray, parts: list[slice], width: int) -> Balance | None:
     """Return the balance with windows of one width; None where the motion is too little."""
 
     def over(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
         return _over(parts, x, kernel)
 
     motion = bridged(log.motion_signal, ~np.isfinite(log.motion_signal))
-    dt = typical_step(np.concatenate([np.diff(log.t[p]) for p in parts]))
     is_position = "theta" in log.channels
     k0, k1, k2 = (_kernel(width, order) / dt**order for order in range(3))
     w, a = (over(motion, kernel) for kernel in ((k1, k2) if is_position else (k0, k1)))
@@ -109,8 +103,14 @@ def _fit(log: Stamped, skip: np.ndarray, parts: list[slice], width: int) -> Bala
         x = np.delete(x, 3, axis=1)
     if len(used) < 3 * x.shape[1]:
         return None
-    p, scale = _robust(x[used], mean[used])
-    usual = spread(mean[used] - np.median(mean[used]))
+    size, usual = column_sizes(x[used]), spread(mean[used] - np.median(mean[used]))
+    least = 1e-12 * float(np.abs(mean[used]).max()) + TINY
+    scale, weights, free = usual + least, None, Prior.free(len(size))
+    for _ in range(_ROUNDS):  # as with two degrees of freedom
+        close = scale / np.sqrt(2.0)
+        fit = robust(x[used] / size, mean[used], free, close, weights=weights, turns=1)
+        weights, scale = fit.w, spread(fit.r) * close + least
+    p = fit.b / size
     # at most so much of the mean is of rows at rest
     level = 0.0 if one_way else abs(p[3])
     error = scale + level * np.nan_to_num(over(rest, np.abs(k0)), nan=1.0)
@@ -125,21 +125,6 @@ def _far(x: np.ndarray, seen: np.ndarray) -> np.ndarray:
     size = column_sizes(seen)
     inverse = np.linalg.pinv((seen / size).T @ (seen / size), hermitian=True)
     return np.sum(x / size @ inverse * (x / size), axis=1) * len(seen) / x.shape[1]
-
-
-def _robust(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
-    """Fit with weights of a Student density (nu = 2): coefficients and usual error."""
-    size = column_sizes(x)
-    weight, p, scale = np.ones(len(y)), np.zeros(x.shape[1]), 0.0
-    for _ in range(_ROUNDS):
-        root = np.sqrt(weight)
-        p = np.linalg.lstsq(x / size * root[:, None], y * root, rcond=1e-9)[0] / size
-        r = y - x @ p
-        scale = spread(r) + 1e-12 * float(np.abs(y).max())
-        if not scale > 0:
-            break
-        weight = 3.0 / (2.0 + (r / scale) ** 2)
-    return p, scale
 
 
 def _kernel(width: int, order: int) -> np.ndarray:
@@ -192,7 +177,7 @@ def _least(fit: Balance, missing: np.ndarray, unknown: np.ndarray) -> float:
 
 def leave_out_untrue_torque(log: Stamped) -> None:
     """Leave out torques that stand at one value while the motion needs another."""
-    u, unit = log.channels["u"], si_unit("u", log.motion)
+    u = log.channels["u"]
     if not np.isfinite(u).any():
         return
     lengths = repeats(u)
@@ -209,26 +194,21 @@ def leave_out_untrue_torque(log: Stamped) -> None:
         return
     missing = fit.missing(np.nan_to_num(u))
     least = max(_least(fit, missing, unknown), _SHARE * large)
-    for value, beyond in ((np.nanmin(u), -missing), (np.nanmax(u), missing)):
-        beyond = beyond[limit & (u == value) & fit.judged]
-        if len(beyond) >= 5 and np.quantile(beyond, 0.7) > least:
-            at = log.channels["u"] == value
-            log.leave_out(
-                "u",
-                at,
-                f"u stays at the end of its register, {value:.6g} {unit}, {log.places(at)}, "
-                f"while the motion needs up to {np.max(beyond):.3g} {unit} more: left out.",
-            )
-    for a in np.flatnonzero(stuck & (np.diff(u, prepend=np.nan) != 0)).tolist():
-        n = int(lengths[a])
-        judged = missing[a : a + n][fit.judged[a : a + n]]
-        if n >= fit.width and len(judged) >= 5 and abs(np.median(judged)) > least:
-            log.leave_out(
-                "u",
-                slice(a, a + n),
-                f"u stands at {log.value('u', a)} for {count(n, 'row')} from {log.place(a)} on "
-                f"while the motion needs {np.median(judged):+.3g} {unit} beyond it: left out.",
-            )
+    # at the end of a register some rows are right
+    groups = [(np.flatnonzero(u == end), 0.8) for end in np.unique(u[limit])]
+    begins = np.flatnonzero(stuck & (np.diff(u, prepend=np.nan) != 0))
+    groups += [(np.arange(a, a + lengths[a]), 0.5) for a in begins if lengths[a] >= fit.width]
+    for at, share in groups:
+        judged = missing[at][fit.judged[at]]
+        beyond = 0.0
+        if len(judged) >= 5:
+            share = share if np.median(judged) > 0.0 else 1.0 - share
+            beyond = float(np.quantile(judged, share))
+        if abs(beyond) > least:
+            rows = np.isin(np.arange(len(u)), at)
+            value, more = log.value("u", at[0]), f"{beyond:+.3g} {si_unit('u', log.motion)}"
+            said = f"u stands at {value} {log.places(rows)}, while the motion needs {more} beyond"
+            log.leave_out("u", rows, f"{said} it: left out.")
 
 
 # ---- registers that wrap ------------------------------------------------------------
@@ -237,38 +217,23 @@ def leave_out_untrue_torque(log: Stamped) -> None:
 def unwrap_torque(log: Stamped) -> None:
     """Add the multiples of a register's span that bring u to what the motion needs."""
     u = log.channels["u"]
-    values, span = np.nan_to_num(u), _span(u[np.isfinite(u)])
-    steps = np.abs(np.diff(values))
-    if not span or not (steps > span / 2).any():
+    span = _span(u[np.isfinite(u)])
+    if not span or not (np.abs(np.diff(u)) > span / 2).any():
         return
-    # a jump of the torque that wraps may come out as a smaller one
-    edges = np.flatnonzero(steps > max(span / 16, 10 * np.median(steps))) + 1
-    starts = np.r_[0, edges]
-    fit = balance(log) if 1 < len(starts) <= _SEGMENTS else None
+    fit = balance(log)
     if fit is None:
         return
-    missing = np.split((fit.torque - values) / span, edges)
-    middle = np.array(
-        [np.median(x[np.isfinite(x)]) if np.isfinite(x).any() else np.nan for x in missing]
+    turns = np.nan_to_num(np.rint((fit.torque - u) / span))
+    moved, changed = u + span * turns, turns != 0
+    left, before = (
+        np.nansum(np.abs(fit.missing(np.nan_to_num(x))) / fit.error) for x in (moved, u)
     )
-    known = np.isfinite(middle)
-    jumps = np.r_[0.0, np.cumsum(np.rint((values[edges - 1] - values[edges]) / span))]
-    near = np.interp(starts, starts[known], (np.rint(middle) - jumps)[known])
-    turns = np.where(
-        known, np.rint(middle), jumps + np.rint(near)
-    )  # beyond the windows: the smallest jump
-    lengths = np.diff(np.r_[starts, len(u)])
-    turns -= turns[int(np.argmax(lengths))]
-    moved = values + span * np.repeat(turns, lengths)
-    changed = moved != values
-    left, before = (np.nansum(np.abs(fit.missing(x)) / fit.error) for x in (moved, values))
-    if not 0 < changed.mean() <= 0.5 or left > before:
-        return
-    log.say(
-        f"u wraps by {span:.6g} {si_unit('u', log.motion)} {log.places(changed)} "
-        f"({log.value('u', int(changed.argmax()))}), as the motion shows: unwrapped."
-    )
-    log.channels["u"] = np.where(np.isfinite(u), moved, np.nan)
+    if 0 < changed.mean() <= 0.5 and left <= before:
+        log.say(
+            f"u wraps by {span:.6g} {si_unit('u', log.motion)} {log.places(changed)} "
+            f"({log.value('u', int(changed.argmax()))}), as the motion shows: unwrapped."
+        )
+        log.channels["u"] = moved
 
 
 def _span(values: np.ndarray) -> float:
