@@ -14,8 +14,8 @@ _HOMES = {
     "commissioning": "frequency_response response_plan tune",
     "blocks.block": "P",
     "blocks.declaration": "block load_blocks",
-    "blocks.controllers": "compensation error feedforward pi pid prefilter",
-    "blocks.drive": "current_lag dead_time limiter notch proportional",
+    "blocks.controllers": "compensation current_lag dead_time error feedforward limiter notch pi "
+    "pid prefilter proportional",
     "blocks.factories": "effect friction",
     "blocks.observers": "adaptive_observer disturbance_observer existing_observer "
     "extended_state_observer friction_state_observer friedland_park_observer "
@@ -86,9 +86,20 @@ if TYPE_CHECKING:
     )
     from .blocks.block import P
     from .blocks.catalogue import controllers, effects, laws, observers
-    from .blocks.controllers import compensation, error, feedforward, pi, pid, prefilter
+    from .blocks.controllers import (
+        compensation,
+        current_lag,
+        dead_time,
+        error,
+        feedforward,
+        limiter,
+        notch,
+        pi,
+        pid,
+        prefilter,
+        proportional,
+    )
     from .blocks.declaration import block, load_blocks
-    from .blocks.drive import current_lag, dead_time, limiter, notch, proportional
     from .blocks.factories import effect, friction
     from .blocks.model import Model, Parameters, read_model, table1, write_model
     from .blocks.observers import (

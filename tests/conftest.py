@@ -94,7 +94,7 @@ def there(backend: str | None) -> str | None:
     return backend
 
 
-@pytest.fixture(params=["numpy", "c"])
+@pytest.fixture(params=["python", "c"])
 def backend(request: pytest.FixtureRequest) -> str | None:
     """Each way to run lanes; numba reads the text that C is made of."""
     return there(request.param)

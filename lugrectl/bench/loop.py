@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..blocks import controllers
 from ..blocks.block import Block, unit_for
-from ..blocks.drive import dead_time
+from ..blocks.controllers import dead_time
 from ..blocks.model import Model, values_of
 from ..blocks.observers import Gain, observer_block
 from ..blocks.plant import assemble, plant, sensor

@@ -4,7 +4,6 @@ from ..core.errors import Diverged
 from .expression.numpy_protocol import TraceError
 from .runtime.adaptive_run import Engine
 from .runtime.batch_run import Lanes
-from .tracing.network import AlgebraicLoop
-from .tracing.tracer import Program, trace
+from .tracing.tracer import AlgebraicLoop, Program, trace
 
 __all__ = ["AlgebraicLoop", "Diverged", "Engine", "Lanes", "Program", "TraceError", "trace"]

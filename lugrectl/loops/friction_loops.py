@@ -8,8 +8,8 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from ..blocks import controllers
-from ..blocks.drive import current_lag, dead_time, limiter, proportional
-from ..blocks.drive import notch as notch_block
+from ..blocks.controllers import current_lag, dead_time, limiter, proportional
+from ..blocks.controllers import notch as notch_block
 from ..blocks.factories import friction
 from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import Gain, believed, friedland_park_observer, observer_block

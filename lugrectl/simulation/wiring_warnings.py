@@ -29,8 +29,7 @@ def warn_of_wiring(net: Net, given: Any, params: Mapping[str, Any] | None) -> No
         for label in net.outside:
             if label not in given and label not in OPTIONAL and (said := _unfed(net, label)):
                 warnings.warn(said, RuntimeWarning, stacklevel=4)
-    wires = net.wires
-    _warn_of_sign(net.name, wires.blocks, wires.connect, params)
+    _warn_of_sign(net.name, [part.block for part in net.parts], net.connect, params)
 
 
 def _unfed(net: Net, label: str) -> str:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.blocks.drive import dead_times
+from lugrectl.blocks.controllers import dead_times
 from lugrectl.engine.runtime import adaptive_run
 
 from ..cases.observed import P

@@ -33,20 +33,10 @@ def farther(a, far):
     return half if abs(half) > far else far
 
 
-def longest(rows):
-    most = -inf
-    for i in range(len(rows)):
-        most = max(most, rows[i][1], -2.0)
-        if most > 1.5:
-            break
-    if most < 0.0:
-        return False
-    return 2
-
-
 def run(table, places, scale, often, wanted, out, first, last):
-    n, least = table.shape[1], scale / often
-    own, sums = np.zeros((2, 3)), np.empty(len(places))
+    n, least = 5, scale / often
+    own = np.zeros(6)
+    sums = np.zeros(6)
     total = 0
     for i in range(first, last):
         row = table[i]
@@ -59,21 +49,21 @@ def run(table, places, scale, often, wanted, out, first, last):
         left, sign = scale, 1.0 if sums[i] > 0.0 else (-1.0 if sums[i] < 0.0 else 0.0)
         while left > least and not (left > 1e3 or left != left):
             left = left * 0.5
-        own[1, 1 + 1] = left
+        own[4 + 1] = left
         total = total + sign * i / often
         if wanted:
-            out[places[i], 0] = sums[i] + sqrt(left) + exp(-left) + own[1, 2] + own[0, 1]
+            out[places[i]][0] = sums[i] + sqrt(left) + exp(-left) + own[5] + own[0]
         else:
-            out[places[i], 0] = -sums[i]
-        out[places[i], 1] = total
-        out[places[i], 1] -= inf if (left < 0.0 and wanted) else 0.0
-    before = now = 1.0
+            out[places[i]][0] = -sums[i]
+        out[places[i]][1] = total
+        out[places[i]][1] -= inf if (left < 0.0 and wanted) else 0.0
+    before, now = 1.0, 1.0
     while True:
         often += 1
         before, now = now, before + now
         if now > FAR:
             break
-    out[0, 0] = before + farther(-now, 3) + often % 4 + longest(table)
+    out[0][0] = before + farther(-now, 3) + often % 4 + max(table[0][1], least, -2.0)
     return often
 """
 

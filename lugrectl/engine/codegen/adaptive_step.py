@@ -1,17 +1,223 @@
-"""Code of a run: updates of sampled blocks, and steps that end on the time grid and at switches."""
+"""Code of a run: updates of sampled blocks, and steps that end on the time grid and at switches.
+
+If both sides of a jump drive its switching function to zero, it stays there. The equations of such
+a rest are those of Filippov, Differential Equations with Discontinuous Righthand Sides (1988),
+chapter 2: the mean of the rates on the two sides, weighted so that the switching function does not
+change.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from ..expression.graph import Node, rename, symbols_in
+import numpy as np
+
+from ..expression.graph import Node, derivatives, rename, substitute, symbols_in
 from ..tracing.tracer import Hybrid, Program
-from .events import Sliding, exactly_at_zero, freeze_modes, names, resting, settle, sliding
-from .python_source import Section, indent, reciprocals, summed
-from .rosenbrock import Equations, step
+from .python_source import Section, numbered, reciprocals, summed, written
+from .rosenbrock import Equations, SparseLU, step
 
-HELPERS = """
+
+def freeze_modes(
+    roots: Sequence[Node], fixed: set[str]
+) -> tuple[list[Node], list[Node], list[bool], dict[int, Node]]:
+    """For steps that end at each kink or jump: smooth roots, switching functions, which of them
+    switch a jump rather than a kink, and the side of each node.
+
+    The side of |a|, sign(a), a comparison, maximum or minimum in a step is the symbol ``m0``, ...
+    (+1, 0, -1, or nan), the sign of the switching function with the same number.
+    """
+    leads: list[Node] = []
+    jumps: set[int] = set()
+    known: dict[int, Node] = {}
+    modes: dict[int, Node] = {}
+
+    def side(lead: Node, jump: bool) -> Node:
+        # w > v and w < v switch together
+        opposite = lead.args[1] - lead.args[0] if lead.op == "subtract" else -lead
+        if opposite.index in known or lead.op == "negative":
+            return -side(opposite, jump)
+        if lead.index not in known:
+            known[lead.index] = lead.graph.symbol(f"m{len(leads)}")
+            leads.append(lead)
+        jumps.update([lead.index] * jump)
+        return known[lead.index]
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        if node.op in _ROOTS and args[0] is not node.args[0]:
+            # on its side m a may be negative where |a| is not, and a trial step beyond the switch
+            # would be NaN: as far beyond it as the true argument is not negative
+            frozen = args[0]
+            inside = node.graph.make("where", node.args[0] >= 0.0, abs(frozen), frozen)
+            return node.graph.make(node.op, inside, *args[1:])
+        if node.op not in _SIDES or symbols_in([node]) <= fixed:
+            return None
+        make_lead, result = _SIDES[node.op]
+        modes[node.index] = side(make_lead(*args), node.op not in _KINKS)
+        return result(modes[node.index], *args)
+
+    smooth = substitute(roots, rule)
+    return smooth, leads, [lead.index in jumps for lead in leads], modes
+
+
+def _choose(mode: Node, yes: Node, no: Node) -> Node:
+    """The value on the current side; yes + no if the mode is nan, so that a NaN remains."""
+    make = mode.graph.make
+    return make("where", mode > 0.0, yes, make("where", mode <= 0.0, no, yes + no))
+
+
+def _floor(mode: Node, a: Node) -> Node:
+    """The floor on its side, up to half a cell beyond: even for sin(pi a) > 0, else odd."""
+    even = 2.0 * np.floor(0.5 * (a - 0.5) + 0.5)
+    odd = 2.0 * np.floor(0.5 * (a - 1.5) + 0.5) + 1.0
+    make = mode.graph.make
+    return make("where", mode > 0.0, even, make("where", mode < 0.0, odd, np.floor(a + 0.5)))
+
+
+_ROOTS = {"sqrt", "power", "log", "log1p", "log10"}
+_KINKS = {"absolute", "maximum", "minimum"}
+
+# operation: its switching function, and its value on the side m
+_SIDES: dict[str, tuple[Callable[..., Node], Callable[..., Node]]] = {
+    "absolute": (lambda a: a, lambda m, a: m * a),
+    "sign": (lambda a: a, lambda m, a: m),
+    "floor": (lambda a: np.sin(np.pi * a), _floor),
+    "less": (lambda a, b: b - a, lambda m, a, b: m > 0.0),
+    "less_equal": (lambda a, b: b - a, lambda m, a, b: m >= 0.0),
+    "maximum": (lambda a, b: a - b, _choose),
+    "minimum": (lambda a, b: b - a, _choose),
+}
+
+
+MOST = 4  # number of jumps of a system that can come to rest; any further ones keep switching
+
+
+@dataclass(frozen=True, eq=False)
+class Sliding:
+    """The rates, including rests: ``on3`` is 1 while the jump 3 rests, its ``m3`` then 1.
+
+    For each jump that can rest: ``parts`` is the weight of its lower side, ``steps`` the rate of
+    its switching function above its zero minus that below, ``moves`` the change of each state
+    along the jump per unit of the switching function.
+    """
+
+    rates: list[Node]
+    parts: dict[int, Node]
+    steps: dict[int, Node]
+    moves: dict[int, dict[int, Node]]
+
+
+def sliding(
+    program: Program, smooth: Sequence[Node], leads: Sequence[Node], jumps: Sequence[bool]
+) -> Sliding:
+    """Rests for the smooth rates of ``freeze_modes``, and for outputs after them; jumps add up."""
+    make, one = program.graph.make, program.graph.constant(1.0)
+    apart: dict[int, list[Node]] = {}
+    for i in (i for i, jump in enumerate(jumps) if jump):
+        mode = program.graph.symbol(f"m{i}").index
+        above, below = (rename(smooth, {mode: program.graph.constant(v)}) for v in (1.0, -1.0))
+        steps = [a - b for a, b in zip(above, below, strict=True)]
+        if len(apart) < MOST and not _at_zero(_along(program, leads[i], steps), leads[i]):
+            apart[i] = steps
+    on = {i: program.graph.symbol(f"on{i}") > 0.0 for i in apart}
+    gains = {(i, j): _along(program, leads[i], apart[j]) for i in apart for j in apart}
+    matrix = [
+        [make("where", on[i], gains[i, j], one if i == j else 0.0) for j in apart] for i in apart
+    ]
+    right = []
+    for i in apart:  # the time derivative of the switching function
+        terms = [_along(program, leads[i], smooth), derivatives([leads[i]], program.t)[0]]
+        for k, u in enumerate(program.u):
+            terms.append(derivatives([leads[i]], u)[0] * program.graph.symbol(f"du{k}"))
+        right.append(make("where", on[i], program.graph.total(terms), 0.0))
+    parts = dict(zip(apart, SparseLU(program.graph, matrix).solve(right), strict=True))
+    rates = list(smooth)
+    for i, steps in apart.items():
+        rates = [rate - parts[i] * step for rate, step in zip(rates, steps, strict=True)]
+    moves = {
+        i: {
+            j: step / gains[i, i]
+            for j, step in enumerate(steps[: len(program.x)])
+            if not step.is_constant(0.0)
+        }
+        for i, steps in apart.items()
+    }
+    return Sliding(rates, parts, {i: gains[i, i] for i in apart}, moves)
+
+
+def resting(
+    roots: Sequence[Node], made: Sliding, modes: Mapping[int, Node]
+) -> tuple[list[Node], list[int]]:
+    """Outputs in which a jump that rests is the mean of its sides, and the jumps that they see.
+
+    The side is the symbol ``way3``, 1 in a rest.
+    """
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        mode, symbol = modes.get(node.index), node.graph.symbol
+        for i in made.parts:
+            if mode is not None and f"m{i}" in symbols_in([mode]):
+                way = rename([mode], {symbol(f"m{i}").index: symbol(f"way{i}")})[0]
+                return _SIDES[node.op][1](way, *args)
+        return None
+
+    y = substitute(roots, rule)
+    seen = [i for i in made.parts if f"way{i}" in symbols_in(y)]
+    for i in seen:
+        graph = y[0].graph
+        way, one = graph.symbol(f"way{i}").index, graph.constant(1.0)
+        pairs = zip(rename(y, {way: one}), rename(y, {way: -one}), strict=True)
+        part = graph.make("where", graph.symbol(f"on{i}") > 0.0, graph.symbol(f"part{i}"), 0.0)
+        y = [row - part * (above - below) for row, (above, below) in zip(y, pairs, strict=True)]
+    return y, seen
+
+
+def _along(program: Program, lead: Node, motion: Sequence[Node]) -> Node:
+    """The change of a switching function with the states."""
+    pairs = zip(program.x, motion, strict=False)
+    return program.graph.total(derivatives([lead], x)[0] * step for x, step in pairs)
+
+
+def _at_zero(gain: Node, lead: Node) -> bool:
+    """Whether a jump vanishes where its switching function is 0, as |w| sign(w) does at w = 0."""
+    pair = [lead, lead.graph.constant(0.0)] if lead.op != "subtract" else list(lead.args)
+    for one, other in (pair, pair[::-1]):
+        if one.op == "symbol" and one.value not in symbols_in([other]):
+            gain = rename([gain], {one.index: other})[0]
+            break
+    return gain.is_constant(0.0)
+
+
+# l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
+# ... their sides during it: +1, -1, 0 for exactly 0, nan for NaN. A step must not pass a zero:
+# the length at which it meets one is bracketed between `low` and `high` and found by regula
+# falsi with the weights of Anderson and Bjorck (BIT 13, 1973), every fourth time by bisection. A
+# switching function within DEAD times its largest value counts as zero; a step that starts there
+# takes the side on which it ends. If it also ends there, the function does not limit the step.
+# If many events follow each other without a step that ends FAR from all zeros, kinks are no
+# longer located in the interval (noise about zero), and a jump that continues to switch (a relay
+# that sticks) makes the remaining interval be stepped in short steps. A run that would never get
+# through an interval is ended.
+#
+# At the start of a step all jumps at zero rest; of those whose weight is outside (0, 1), the
+# farthest outside is released, until there is none. What keeps the switching function of a rest
+# from zero is removed from the states.
+#
+# The error of a state counts relative to its size s: its value, or what it was a short time ago.
+# s is the largest value until the state is below half of s; then s decreases by the factor e in
+# twice the time w that the state took to fall from 0.9 s to 0.5 s. So s does not collapse where a
+# state crosses zero, and a small motion after a large start is right. s is at least `floor` =
+# atol / rtol, and SMALL of the largest value b so far, below which rounding would decide.
+_RUN = """
+DEAD = 1e-11
+SMALL = 1e-7
+FAR = 1e5
+PATIENCE = 40
+TRIALS = 65536
+
+
 @small
 def side(a):
     return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else a)
@@ -67,9 +273,7 @@ def passed(m, l, r):
 @small
 def turned(m, l, r):
     return side(l) if passed(m, l, r) or l == 0.0 or m * l != m * l else m
-"""
 
-REST = """
 
 @small
 def outside(part, step):  # how far the weight of a rest is from (0, 1)
@@ -79,54 +283,109 @@ def outside(part, step):  # how far the weight of a rest is from (0, 1)
 @small
 def margin(part):
     return (0.5 - abs(part - 0.5)) / DEAD
-"""
 
-# l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
-# ... their sides during it: +1, -1, 0 for exactly 0, nan for NaN. A step must not pass a zero:
-# the length at which it meets one is bracketed between `low` and `high` and found by regula
-# falsi with the weights of Anderson and Bjorck (BIT 13, 1973), every fourth time by bisection. A
-# switching function within DEAD times its largest value counts as zero; a step that starts there
-# takes the side on which it ends. If it also ends there, the function does not limit the step.
-# If many events follow each other without a step that ends FAR from all zeros, kinks are no
-# longer located in the interval (noise about zero), and a jump that continues to switch (a relay
-# that sticks) makes the remaining interval be stepped in short steps. A run that would never get
-# through an interval is ended.
-#
-# The error of a state counts relative to its size s: its value, or what it was a short time ago.
-# s is the largest value until the state is below half of s; then s decreases by the factor e in
-# twice the time w that the state took to fall from 0.9 s to 0.5 s. So s does not collapse where a
-# state crosses zero, and a small motion after a large start is right. s is at least `floor` =
-# atol / rtol, and SMALL of the largest value b so far, below which rounding would decide.
-_RUN = """
-DEAD = 1e-11
-SMALL = 1e-7
-FAR = 1e5
-PATIENCE = 40
-TRIALS = 65536
 
-{helpers}
 {robust}
 @fast
 def run(
     grid, given, ticks, flags, held, p, rtol, floor, x_now, q_now, h_now, sizes, x_out, q_out,
     y_out, status
 ):
-{unpack}
-{fixed}
+    each parameter:
+        {name} = p[{i}]
+    each state:
+        {name}, states{i} = x_now[{i}], x_out[{i}]
+        size{i} = max(abs({name}), floor, sizes[3 * {i}])
+        inv{i} = 1.0 / size{i}
+        top{i}, fell{i} = max(size{i}, sizes[3 * {i} + 1]), sizes[3 * {i} + 2]
+    each own:
+        {name}, own{i} = q_now[{i}], q_out[{i}]
+    each kept:
+        {name} = h_now[{i}]
+    each free:
+        in{i} = given[{i}]
+    each row:
+        row{i} = y_out[{i}]
+    each lead:
+        m{i}, r{i} = 0.0, 0.0
+    each rest:
+        on{i}, part{i} = 0.0, 0.0
+    code fixed
     h_next, v_low, v_high, last, tries, steps = 0.0, 0.0, 0.0, 0, 0, 0
     for k in range(len(grid)):
         t, dt, done, low, high, events, relays = grid[k], 0.0, 0.0, 0.0, 0.0, 0, 0
         first_step, due = steps, 0.0
-{interval}
+        each own:
+            own{i}[k] = {name}
+        each free:
+            {name} = in{i}[k]
+        each before:
+            b{i} = {name}
+        each ticked:
+            if ticks[k]:
+                each flag:
+                    g{i} = flags[{i}][k]
+                code updates
+                if not isfinite({total}):
+                    each own:
+                        q_now[{i}] = {name}
+                    each kept:
+                        h_now[{i}] = {name}
+                    status[1] = t
+                    return 2
+        each input:
+            du{i} = 0.0
+        if {moving} and k < len(grid) - 1:
+            dt = grid[k + 1] - t
+            each free:
+                du{i} = 0.0 if held else (in{i}[k + 1] - in{i}[k]) / dt
+        if k == 0:
+            h_next = 0.01 * dt
         for again in range({nesting} if k == 0 or ticks[k] else 1):
-{sides}
-{widest}
+            code leads
+            each driven:
+                on{i} = on{i} if abs(a{i}) <= DEAD * r{i} else 0.0
+            each lead:
+                if {free}:
+                    m{i} = started(m{i}, a{i}, r{i})
+        each lead:
+            r{i} = widest(r{i}, a{i})
         fresh = True
         while fresh or done < dt:
-{settle}
+            each resting:
+                if high == 0.0 and ({near}):
+                    each rest:
+                        was{i}, side{i} = on{i}, m{i}
+                        if abs(a{i}) <= DEAD * r{i}:
+                            on{i}, m{i} = 1.0, 1.0
+                    for _ in range({rests} + 1):
+                        code weights
+                        farthest, leaving = 0.0, -1
+                        each rest:
+                            if on{i} > 0.0 and not outside(part{i}, step{i}) <= farthest:
+                                farthest, leaving = outside(part{i}, step{i}), {i}
+                        if leaving < 0:
+                            break
+                        each rest:
+                            if leaving == {i}:
+                                on{i} = 0.0
+                                new = 1.0 if part{i} < 0.5 else -1.0
+                                m{i} = new if farthest < inf else side{i}
+                    each rest:
+                        events += on{i} != was{i}
+                    each move:
+                        if on{i} > 0.0:
+                            {name} -= a{i} * move{j}_{i}
+                    each rest:
+                        if on{i} > 0.0:
+                            a{i} = 0.0
             if fresh:
                 fresh = False
-{store}
+                each shown:
+                    way{i} = m{i} if a{i} == 0.0 else side(a{i})
+                code outputs
+                each state:
+                    states{i}[k] = {name}
                 if done >= dt:
                     break
             left = dt - done
@@ -144,30 +403,59 @@ def run(
             if relays >= PATIENCE:
                 h = min(h, left, 1e-3 * dt)
                 status[3] = t
-{step}
+            code step
             steps += 1
             stuck = False
             if steps - first_step >= TRIALS:
                 stuck, first_step, due = done <= due, steps, done + 1e-5 * dt
-{weights}
+            each state:
+                error{i} = e{i} * (inv{i} if abs(n{i}) <= size{i} else 1.0 / abs(n{i}))
             error = sqrt({error}) / rtol
             if stuck or not error <= 1.0 and not (relays >= PATIENCE and error < inf):
                 h_next = h * max(0.1, 0.9 / sqrt(sqrt(error))) if error < inf else 0.1 * h
                 low, high = 0.0, 0.0
                 if stuck or h_next < 1e-13 * dt or t + h_next == t:
                     status[0], status[1], status[4] = k, t, steps
-{blame}
+                    largest = -1.0
+                    each state:
+                        part = abs(error{i})
+                        if largest == largest and not part <= largest:
+                            status[2], largest = {i}, part
                     return 1
                 continue
-{leads}
+            each input:
+                v{i} = {name} + h * du{i}
+            code leads_after
+            worst = 1e300
+            each lead:
+                r{i} = widest(r{i}, l{i})
+                if {free}:
+                    worst = nearest(worst, distance(m{i}, l{i}, a{i}, r{i}))
+            each resting:
+                if {sum_of_rests} > 0.0:
+                    code weights_after
+                    each rest:
+                        if on{i} > 0.0:
+                            worst = nearest(worst, margin(end_part{i}))
             crossed = worst < -1.0 and events < 2 * PATIENCE
             if crossed and low == 0.0 and high == 0.0:
                 flipped = False
-{flip_at_start}
+                each lead:
+                    if {free}:
+                        if misled(m{i}, l{i}, a{i}, r{i}):
+                            m{i} = side(l{i})
+                            events += 1
+                            relays += {jump}
+                            flipped = True
                 if flipped:
                     continue
                 first = 1e300
-{before}
+                each lead:
+                    if {free}:
+                        first = nearest(first, first_distance(m{i}, a{i}, r{i}))
+                each rest:
+                    if on{i} > 0.0:
+                        first = nearest(first, margin(part{i}))
                 v_low, tries, last = max(first, 1.0), 0, 0
             if crossed:
                 if last == -1:
@@ -179,7 +467,34 @@ def run(
                 low, v_low, last = h, worst, 1
             if (crossed or low == h) and t + low < t + high and high - low > 1e-15 * dt:
                 continue
-{accept}
+            each lead:
+                if {free}:
+                    if passed(m{i}, l{i}, r{i}):
+                        events += 1
+                        relays += {jump}
+                    m{i} = turned(m{i}, l{i}, r{i})
+                a{i} = l{i}
+            each state:
+                {name} = n{i}
+            each move:
+                if on{i} > 0.0:
+                    {name} -= a{i} * move{j}_{i}
+            each rest:
+                if on{i} > 0.0:
+                    a{i} = 0.0
+            each state:
+                z = abs({name})
+                if z > size{i}:
+                    size{i}, top{i}, fell{i} = z, max(top{i}, z), 0.0
+                    inv{i} = 1.0 / size{i}
+                elif z >= 0.5 * size{i}:
+                    fell{i} = fell{i} + h if z < 0.9 * size{i} else 0.0
+                else:
+                    shrunk = size{i} * (fell{i} / (fell{i} + 0.5 * h))
+                    size{i} = max(z, shrunk, SMALL * top{i}, floor)
+                    inv{i} = 1.0 / size{i}
+            each input:
+                {name} = v{i}
             t, done = t + h, done + h
             if left - h <= 1e-13 * dt:
                 done = dt
@@ -190,19 +505,15 @@ def run(
                     events, relays = 0, 0
                 longer = h * min(5.0, 0.9 / sqrt(sqrt(max(error, 1e-8))))
                 h_next = longer if h >= h_next else max(longer, h_next)
-{keep}
+    each own:
+        q_now[{i}] = {name}
+    each kept:
+        h_now[{i}] = {name}
+    each state:
+        x_now[{i}], sizes[3 * {i}] = {name}, size{i}
+        sizes[3 * {i} + 1], sizes[3 * {i} + 2] = top{i}, fell{i}
     status[4] = steps
     return 0
-"""
-
-_TICK = """
-if ticks[k]:
-{flags}
-{tick}
-    if not isfinite({total}):
-{keep}
-        status[1] = t
-        return 2
 """
 
 
@@ -214,106 +525,81 @@ def run_code(hybrid: Hybrid, kind: str) -> str:
     the value that keeps it at rest: the friction of a drive held by Coulomb friction is the torque
     on it, not sign(0).
     """
-    program = hybrid.flow
-    parts = _parts(hybrid)
-    fixed = [node.value for node in program.p] if kind == "compiled" else []
-    nodes, states, switches = parts.step, range(len(parts.states)), range(len(parts.leads))
-    if kind == "compiled":
-        nodes = reciprocals(nodes)
-    step_code = Section([f"{letter}{i}" for letter in "ne" for i in states], nodes, "w", fixed)
-    start = Section([f"a{i}" for i in switches], parts.leads, "c", fixed)
-    end = Section([f"l{i}" for i in switches], _at_end(program, parts.leads), "d", fixed)
-    shown = Section([f"row{i}[k]" for i in range(len(parts.y))], parts.y, "o", fixed)
-    rest, after = _rests(program, parts, fixed)
-    updates = Section([*parts.own, *parts.held], hybrid.ticked, "k", fixed, at_once=True)
-    sections = (step_code, start, end, shown, rest, after, updates)
-    guarded = kind != "compiled"
-    near = nearest_zero(parts, after.lines(guarded))
-    ends = [f"v{i} = {u} + h * d{u}" for i, u in enumerate(parts.inputs)]
-    return _RUN.format(
-        helpers=HELPERS + (REST if parts.slides.parts else ""),
-        robust="".join(part.robust() for part in sections) if guarded else "",
-        unpack=indent(_unpack(program, parts), 1),
-        fixed=indent([line for part in sections for line in part.emitter.head], 1),
-        interval=indent(_interval(hybrid, parts, updates.lines(guarded)), 2),
-        nesting=nesting(parts.leads),
-        sides=indent(start.lines(guarded) + start_sides(parts), 3),
-        widest=indent([f"r{i} = widest(r{i}, a{i})" for i in switches], 2),
-        settle=indent(settle(parts.slides, parts.states, rest.lines(guarded)), 3),
-        store=indent(_stored(parts, shown.lines(guarded)), 4),
-        step=indent(step_code.lines(guarded), 3),
-        weights=indent([line.format(i) for i in states for line in _WEIGHT], 3),
-        error=summed([f"error{i} * error{i}" for i in states]),
-        blame=indent(["largest = -1.0", *(k.format(i) for i in states for k in _BLAME)], 5),
-        leads=indent(ends + end.lines(guarded) + near, 3),
-        before=indent(nearest_before(parts), 4),
-        flip_at_start=indent(turns(parts, at_start=True), 4),
-        accept=indent(_accept(parts), 3),
-        keep=indent(_kept(parts), 1),
-    )
-
-
-# the error relative to the size; divides only if a state grows
-_WEIGHT = ("error{0} = e{0} * (inv{0} if abs(n{0}) <= size{0} else 1.0 / abs(n{0}))",)
-# the state with the largest error, or the first that is NaN
-_BLAME = (
-    "part = abs(error{0})",
-    "if largest == largest and not part <= largest:",
-    "    status[2], largest = {0}, part",
-)
-# the size after a step of length h to the absolute value z; divides only if it changes
-_SIZE = (
-    "z = abs(x{0})",
-    "if z > size{0}:",
-    "    size{0}, top{0}, fell{0} = z, max(top{0}, z), 0.0",
-    "    inv{0} = 1.0 / size{0}",
-    "elif z >= 0.5 * size{0}:",
-    "    fell{0} = fell{0} + h if z < 0.9 * size{0} else 0.0",
-    "else:",
-    "    size{0} = max(z, size{0} * (fell{0} / (fell{0} + 0.5 * h)), SMALL * top{0}, floor)",
-    "    inv{0} = 1.0 / size{0}",
-)
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """The parts of the code: names, and nodes."""
-
-    states: list[str]
-    inputs: list[str]
-    own: list[str]  # of the sampled states
-    held: list[str]
-    step: list[Node]
-    leads: list[Node]
-    jumps: list[bool]
-    slides: Sliding
-    y: list[Node]
-    shown: list[int]  # the jumps whose rest is seen in y
-
-
-def _parts(hybrid: Hybrid) -> Parts:
-    program, graph = hybrid.flow, hybrid.flow.graph
+    program, graph, guarded = hybrid.flow, hybrid.flow.graph, kind != "compiled"
     smooth, leads, jumps, modes = freeze_modes(program.xdot, {node.value for node in program.p})
     slopes = [graph.symbol(f"du{i}") for i in range(len(program.u))]
-    slides = sliding(program, smooth, leads, jumps)
-    equations = Equations(graph, program.t, program.x, program.u, slides.rates, slopes)
+    made = sliding(program, smooth, leads, jumps)
+    equations = Equations(graph, program.t, program.x, program.u, made.rates, slopes)
     after, error = step(equations, divided=True)
-    y, shown = resting(program.y, slides, modes)
-    states, inputs = ([node.value for node in nodes] for nodes in (program.x, program.u))
-    own, held = [q.value for q in hybrid.q], inputs[len(hybrid.net.outside) :]
-    return Parts(states, inputs, own, held, after + error, leads, jumps, slides, y, shown)
-
-
-def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[Section, Section]:
-    """The code that decides whether jumps rest, before a step and after it."""
-    slides = parts.slides
-    weights = [*slides.parts.values(), *slides.steps.values()]
-    moves = {f"move{j}_{i}": n for i, m in slides.moves.items() for j, n in m.items()}
-    late = _at_end(program, weights[: len(slides.parts)])
-    return (
-        Section([*names(slides), *moves], [*weights, *moves.values()], "rest", fixed),
-        Section(names(slides, "end_")[: len(late)], late, "late", fixed),
+    y, shown = resting(program.y, made, modes)
+    groups = _groups(hybrid, leads, jumps, made) | {"shown": [{"i": i} for i in shown]}
+    states, rests = range(len(program.x)), [*made.parts]
+    moves = {f"move{m['j']}_{m['i']}": made.moves[m["i"]][m["j"]] for m in groups["move"]}
+    stepped = after + error if guarded else reciprocals(after + error)
+    codes: dict[str, tuple[list[str], list[Node], str]] = {
+        "step": ([f"{letter}{i}" for letter in "ne" for i in states], stepped, "w"),
+        "leads": ([f"a{i}" for i in range(len(leads))], leads, "c"),
+        "leads_after": ([f"l{i}" for i in range(len(leads))], _at_end(program, leads), "d"),
+        "outputs": ([f"row{i}[k]" for i in range(len(y))], y, "o"),
+        "weights": (
+            [*(f"part{i}" for i in rests), *(f"step{i}" for i in rests), *moves],
+            [*made.parts.values(), *made.steps.values(), *moves.values()],
+            "rest",
+        ),
+        "weights_after": (
+            [f"end_part{i}" for i in rests], _at_end(program, [*made.parts.values()]), "late"
+        ),
+    }  # fmt: skip
+    fixed = [] if guarded else [node.value for node in program.p]
+    sections = {key: Section(*given, fixed) for key, given in codes.items()}
+    own = [m["name"] for m in (*groups["own"], *groups["kept"])]
+    sections["updates"] = Section(own, hybrid.ticked, "k", fixed, at_once=True)
+    lines = {key: section.lines(guarded) for key, section in sections.items()}
+    lines["fixed"] = [line for section in sections.values() for line in section.emitter.head]
+    return written(
+        _RUN,
+        groups,
+        lines,
+        robust="".join(part.robust() for part in sections.values()) if guarded else "",
+        moving=bool(states),
+        nesting=nesting(leads),
+        rests=len(rests),
+        near=" or ".join(f"on{i} > 0.0 or abs(a{i}) <= DEAD * r{i}" for i in rests),
+        sum_of_rests=" + ".join(f"on{i}" for i in rests),
+        error=summed([f"error{i} * error{i}" for i in states]),
+        total=summed([f"0.0 * {name}" for name in own]),
     )
+
+
+def _groups(
+    hybrid: Hybrid, leads: Sequence[Node], jumps: Sequence[bool], made: Sliding
+) -> dict[str, list[dict[str, Any]]]:
+    """What the code has several of: numbers and names."""
+    flow, rests = hybrid.flow, [*made.parts]
+    inputs, states = ([node.value for node in of] for of in (flow.u, flow.x))
+    free = len(hybrid.net.outside)
+    read = {i: bool(symbols_in([leads[i]]) & {*inputs}) for i in rests}
+    lead = [
+        {"i": i, "jump": int(jump), "free": f"on{i} == 0.0" if i in made.parts else True}
+        for i, jump in enumerate(jumps)
+    ]
+    return {
+        "parameter": numbered([node.value for node in flow.p]),
+        "state": numbered(states),
+        "own": numbered([q.value for q in hybrid.q]),
+        "kept": numbered(inputs[free:]),
+        "free": numbered(inputs[:free]),
+        "input": numbered(inputs),
+        "row": numbered(flow.y),
+        "before": numbered(inputs[free:] if hybrid.net.earlier else ()),
+        "ticked": [{}] if hybrid.ticked else [],
+        "flag": numbered(range(hybrid.net.groups)),
+        "lead": lead,
+        "rest": [{"i": i} for i in rests],
+        "resting": [{}] if rests else [],
+        "driven": [{"i": i} for i in rests if read[i]],
+        "move": [{"i": i, "j": j, "name": states[j]} for i in rests for j in made.moves[i]],
+    }
 
 
 def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
@@ -325,77 +611,6 @@ def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
     return rename(leads, to)
 
 
-def _unpack(program: Program, parts: Parts) -> list[str]:
-    lines = [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
-    for i, x in enumerate(parts.states):
-        lines += [f"{x}, states{i} = x_now[{i}], x_out[{i}]"]
-        lines += [f"size{i} = max(abs({x}), floor, sizes[{3 * i}])", f"inv{i} = 1.0 / size{i}"]
-        lines += [f"top{i}, fell{i} = max(size{i}, sizes[{3 * i + 1}]), sizes[{3 * i + 2}]"]
-    lines += [f"{q}, own{i} = q_now[{i}], q_out[{i}]" for i, q in enumerate(parts.own)]
-    lines += [f"{u} = h_now[{i}]" for i, u in enumerate(parts.held)]
-    lines += [f"in{i} = given[{i}]" for i in range(len(parts.inputs) - len(parts.held))]
-    lines += [f"row{i} = y_out[{i}]" for i in range(len(parts.y))]
-    lines += [f"{letter}{i} = 0.0" for i in range(len(parts.leads)) for letter in "mr"]
-    return lines + [f"{name}{i} = 0.0" for i in parts.slides.parts for name in ("on", "part")]
-
-
-def _kept(parts: Parts) -> list[str]:
-    """Where a run has come to, and the sizes of the states there."""
-    lines = [f"q_now[{i}] = {q}" for i, q in enumerate(parts.own)]
-    lines += [f"h_now[{i}] = {u}" for i, u in enumerate(parts.held)]
-    for i, x in enumerate(parts.states):
-        names = f"x_now[{i}]", *(f"sizes[{3 * i + j}]" for j in range(3))
-        lines += [f"{', '.join(names)} = {x}, size{i}, top{i}, fell{i}"]
-    return lines
-
-
-def _interval(hybrid: Hybrid, parts: Parts, updates: Sequence[str]) -> list[str]:
-    """Code ahead of the steps of an interval: its length, its update, and the inputs in it."""
-    free = range(len(parts.inputs) - len(parts.held))
-    lines = [f"own{i}[k] = {q}" for i, q in enumerate(parts.own)]
-    lines += [f"u{i} = in{i}[k]" for i in free]
-    if hybrid.net.earlier:
-        lines += [f"b{i} = {u}" for i, u in enumerate(parts.held)]
-    if hybrid.ticked:
-        code = _TICK.format(
-            flags=indent([f"g{i} = flags[{i}][k]" for i in range(hybrid.net.groups)], 1),
-            tick=indent(updates, 1),
-            total=summed([f"0.0 * {name}" for name in (*parts.own, *parts.held)]),
-            keep=indent(_kept(parts), 2),
-        )
-        lines += code.strip().split("\n")
-    lines += [f"du{i} = 0.0" for i in range(len(parts.inputs))]
-    if not parts.states:
-        return lines
-    lines += ["if k < len(grid) - 1:", "    dt = grid[k + 1] - t"]
-    lines += [f"    du{i} = 0.0 if held else (in{i}[k + 1] - in{i}[k]) / dt" for i in free]
-    return [*lines, "if k == 0:", "    h_next = 0.01 * dt"]
-
-
-def _stored(parts: Parts, outputs: Sequence[str]) -> list[str]:
-    lines = [f"way{i} = m{i} if a{i} == 0.0 else side(a{i})" for i in parts.shown]
-    return [*lines, *outputs, *(f"states{i}[k] = {x}" for i, x in enumerate(parts.states))]
-
-
-def _accept(parts: Parts) -> list[str]:
-    lines = turns(parts, at_start=False)
-    lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
-    lines += [f"{x} = n{i}" for i, x in enumerate(parts.states)]
-    lines += exactly_at_zero(parts.slides, parts.states)
-    lines += [line.format(i) for i in range(len(parts.states)) for line in _SIZE]
-    return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]
-
-
-def start_sides(parts: Parts) -> list[str]:
-    """The sides at the start of an interval, where inputs may have jumped."""
-    lines = []
-    for i, lead in enumerate(parts.leads):
-        if i in parts.slides.parts and symbols_in([lead]) & {*parts.inputs}:
-            lines += [f"on{i} = on{i} if abs(a{i}) <= DEAD * r{i} else 0.0"]
-        lines += _unless_resting(parts, i, [f"m{i} = started(m{i}, a{i}, r{i})"])
-    return lines
-
-
 def nesting(leads: Sequence[Node]) -> int:
     """The longest chain of switching functions, each of which depends on the side of the next."""
     depths: dict[str, int] = {}
@@ -403,51 +618,3 @@ def nesting(leads: Sequence[Node]) -> int:
         inner = [depths[name] for name in symbols_in([lead]) if name in depths]
         depths[f"m{i}"] = 1 + max(inner, default=0)
     return max(depths.values(), default=1)
-
-
-def _unless_resting(parts: Parts, i: int, lines: Sequence[str]) -> list[str]:
-    """The lines, executed only if a switching function does not rest."""
-    if i not in parts.slides.parts:
-        return [*lines]
-    return [f"if on{i} == 0.0:", *("    " + line for line in lines)]
-
-
-def nearest_zero(parts: Parts, weights: Sequence[str]) -> list[str]:
-    """The distance of the nearest switching function from zero, in widths of its dead band."""
-    lines = ["worst = 1e300"]
-    for i in range(len(parts.leads)):
-        far = f"distance(m{i}, l{i}, a{i}, r{i})"
-        lines += [f"r{i} = widest(r{i}, l{i})"]
-        lines += _unless_resting(parts, i, [f"worst = nearest(worst, {far})"])
-    if not parts.slides.parts:
-        return lines
-    lines += [f"if {' + '.join(f'on{i}' for i in parts.slides.parts)} > 0.0:"]
-    lines += ["    " + line for line in weights]
-    for i in parts.slides.parts:
-        lines += [f"    if on{i} > 0.0:", f"        worst = nearest(worst, margin(end_part{i}))"]
-    return lines
-
-
-def nearest_before(parts: Parts) -> list[str]:
-    """The same at the start of a step."""
-    lines = []
-    for i in range(len(parts.leads)):
-        far = f"first_distance(m{i}, a{i}, r{i})"
-        lines += _unless_resting(parts, i, [f"first = nearest(first, {far})"])
-        if i in parts.slides.parts:
-            lines += ["else:", f"    first = nearest(first, margin(part{i}))"]
-    return lines
-
-
-def turns(parts: Parts, *, at_start: bool) -> list[str]:
-    """Changes sides that a trial step from zero has shown to be wrong, or that a step has left."""
-    lines = []
-    for i, jump in enumerate(parts.jumps):
-        count = ["    events += 1"] + ["    relays += 1"] * jump
-        if at_start:
-            turn = [f"if misled(m{i}, l{i}, a{i}, r{i}):", f"    m{i} = side(l{i})", *count]
-            lines += _unless_resting(parts, i, [*turn, "    flipped = True"])
-        else:
-            turn = [f"if passed(m{i}, l{i}, r{i}):", *count, f"m{i} = turned(m{i}, l{i}, r{i})"]
-            lines += _unless_resting(parts, i, turn)
-    return lines

@@ -10,9 +10,7 @@ from typing import NoReturn
 
 _HEADER = """#include <math.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
-static inline void released(void *room) { free(*(void **)room); }
 static inline double most(double a, double b) { return b > a ? b : a; }
 static inline double least(double a, double b) { return b < a ? b : a; }
 """
@@ -20,7 +18,7 @@ _TYPES = {"d": "double", "i": "int64_t"}
 _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.USub: "-", ast.Not: "!"}
 _SIGNS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _SIGNS |= {ast.And: "&&", ast.Or: "||", ast.Mod: "%"}  # the rest of counts, none below 0
-_CALLS = {"abs": "fabs", "floored": "floor", "max": "most", "min": "least", "float": "(double)"}
+_CALLS = {"abs": "fabs", "floored": "floor", "max": "most", "min": "least"}
 _CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
 
 _PARSING = threading.Lock()  # Python 3.11 counts the depth of syntax trees globally
@@ -39,12 +37,8 @@ Value = tuple[str, Kind]
 
 
 def c_code(source: str, kinds: Sequence[Kind], before: str = "") -> str:
-    """The last function of a source text as ``int64_t run`` in C, with those that it calls.
-
-    ``kinds`` are those of its arguments; ``before`` is C code to put before it. Names get an
-    underscore, so that none is a C keyword. An array is passed as its address, followed by the
-    lengths of its axes. ValueError for what cannot be translated.
-    """
+    """The last function of a source text as ``int64_t run`` in C, with those that it calls, for the
+    kinds of its arguments. An array is passed as its address and the lengths of its axes."""
     with _PARSING:
         tree = ast.parse(source)
     functions = [n for n in tree.body if isinstance(n, ast.FunctionDef)]
@@ -152,22 +146,16 @@ class _Writer:
         return [f"{target} {_SIGNS[type(node.op)]}= {self.of(node.value)[0]};"]
 
     def _assign(self, node: ast.Assign) -> list[str]:
-        target, *others = node.targets
+        (target,) = node.targets
         if not isinstance(target, ast.Tuple):
-            lines = self._set(target, node.value)
-            return lines + [line for other in others for line in self._set(other, target)]
+            return self._set(target, node.value)
         assert isinstance(node.value, ast.Tuple)
-        pairs = list(zip(target.elts, node.value.elts, strict=True))
-        done, depend = set[str](), False  # whether a value reads what an earlier one has set
-        for to, value in pairs:
-            depend |= bool(done & {n.id for n in ast.walk(value) if isinstance(n, ast.Name)})
-            done |= {to.id} if isinstance(to, ast.Name) else set()
-        if not depend:
-            return [line for to, value in pairs for line in self._set(to, value)]
         lines, moves = [], []  # all are computed from the values before the assignment
-        for i, (to, value) in enumerate(pairs):
+        for i, (to, value) in enumerate(zip(target.elts, node.value.elts, strict=True)):
             code, kind = self.of(value)
-            assert isinstance(to, ast.Name) and not kind.shape
+            if not isinstance(to, ast.Name) or kind.shape:
+                lines += self._set(to, value)
+                continue
             self._keep(to.id, kind)
             lines += [f"{_TYPES[kind.of]} new{i} = {code};"]
             moves += [f"{to.id}_ = new{i};"]
@@ -177,23 +165,16 @@ class _Writer:
         if not isinstance(target, ast.Name):
             return [f"{self.of(target)[0]} = {self.of(value)[0]};"]
         if isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute):
-            return self._room(target.id, value)
+            return self._zeros(target.id, *value.args)
         code, kind = self.of(value)
         self._keep(target.id, kind)
         return [f"{target.id}_ = {code};"]
 
-    def _room(self, name: str, call: ast.Call) -> list[str]:
-        """Zeros: ``np.zeros`` of a few numbers on the stack, ``np.empty`` of any number."""
-        assert isinstance(call.func, ast.Attribute)
-        size, *of = call.args
-        kind = "i" if of else "d"
-        axes = size.elts if isinstance(size, ast.Tuple) else [size]
-        shape = tuple(self.of(axis)[0] for axis in axes)
-        self._keep(name, Kind(kind, shape))
-        room, many = f"{name}_room", f"1 + {' * '.join(shape)}"
-        if call.func.attr == "empty":
-            head = f"{_TYPES[kind]} *{room} __attribute__((cleanup(released)))"
-            return [f"{head} = calloc({many}, 8);", f"{name}_ = {room};"]
+    def _zeros(self, name: str, size: ast.expr, *of: ast.expr) -> list[str]:
+        """``np.zeros``, on the stack."""
+        kind, many = "i" if of else "d", self.of(size)[0]
+        self._keep(name, Kind(kind, (many,)))
+        room = f"{name}_room"
         lines = [f"{_TYPES[kind]} {room}[{many}];", f"memset({room}, 0, sizeof {room});"]
         return [*lines, f"{name}_ = {room};"]
 
@@ -246,27 +227,16 @@ class _Writer:
         values, name = [self.of(a) for a in node.args], node.func.id
         if name in self.unit.functions:  # of the text: it takes every number as a double
             if name not in self.unit.returns:
-                kinds = [Kind(v.of, lengths(i, len(v.shape))) for i, (_, v) in enumerate(values)]
-                self.unit.add(name, [kind if kind.shape else NUMBER for kind in kinds])
-            parts = ", ".join(part for code, kind in values for part in (code, *kind.shape))
-            return f"{name}_({parts})", self.unit.returns[name]
+                self.unit.add(name, [NUMBER] * len(values))
+            return f"{name}_({', '.join(code for code, _ in values)})", self.unit.returns[name]
         given, name = [code for code, _ in values], _CALLS.get(name, name)
         while name in ("most", "least") and len(given) > 2:
             given[:2] = [f"{name}({given[0]}, {given[1]})"]
         return f"{name}({', '.join(given)})", WHOLE if name == "isfinite" else NUMBER
 
     def _subscript(self, node: ast.Subscript) -> Value:
-        if isinstance(node.value, ast.Attribute):  # array.shape[axis]
-            assert node.value.attr == "shape" and isinstance(node.slice, ast.Constant)
-            axis = node.slice.value
-            assert isinstance(axis, int)
-            return self.of(node.value.value)[1].shape[axis], WHOLE
-        name, kind = self.of(node.value)
-        places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        at = "0"
-        for place, length in zip(places, kind.shape, strict=False):
-            at = f"({at} * {length} + {self.of(place)[0]})" if at != "0" else self.of(place)[0]
-        rest = kind.shape[len(places) :]
+        (name, kind), at = self.of(node.value), self.of(node.slice)[0]
+        rest = kind.shape[1:]
         if not rest:
             return f"{name}[{at}]", Kind(kind.of)
         return f"({name} + ({at}) * {' * '.join(rest)})", Kind(kind.of, rest)

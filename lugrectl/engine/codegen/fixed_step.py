@@ -8,7 +8,7 @@ at zero (Filippov, Differential Equations with Discontinuous Righthand Sides, 19
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,8 +17,7 @@ import numpy as np
 from ..expression.graph import Node, reachable, rename, substitute, symbols_in
 from ..expression.numpy_protocol import COMPARISONS, LIBRARY, OPS
 from ..tracing.tracer import Program
-from .events import average_jumps
-from .python_source import Emitter, indent
+from .python_source import Section, numbered, written
 from .rosenbrock import Equations, step
 
 ZERO = 1e-8  # of a state's scale: within this it has reached zero
@@ -27,14 +26,41 @@ AGAIN = 0.1  # part of a step to try if it starts at zero and ends on the other 
 SHORTEST = 1e-3  # of the shortest step for accuracy: the shortest one to a zero
 
 
+def average_jumps(roots: Sequence[Node], fixed: set[str]) -> list[Node]:
+    """For a step of fixed length: np.where(t >= t0, a, b) becomes b + s (a - b), where s is the
+    part of [t, t + h] after t0, so that the result is a continuous function of t0. The start of
+    the step is the symbol ``begin``; ``fixed`` are the symbols beside t in a condition.
+    """
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        if node.op != "where" or node.args[0].op not in COMPARISONS:
+            return None
+        names, (low, high) = symbols_in([node.args[0]]), node.args[0].args
+        if "t" not in names or not names <= fixed | {"t"}:
+            return None
+        return args[2] + _held_part(high - low) * (args[1] - args[2])
+
+    return substitute(roots, rule)
+
+
+def _held_part(lead: Node) -> Node:
+    """The part of the step in which ``lead`` >= 0, if it is linear over the step."""
+    graph = lead.graph
+    begin, h, t = graph.symbol("begin"), graph.symbol("h"), graph.symbol("t")
+    first = substitute([lead], lambda n, args: begin if n is t else None)[0]
+    last = substitute([lead], lambda n, args: begin + h if n is t else None)[0]
+    change = last - first
+    still = graph.make("where", first >= 0.0, 1.0, 0.0)
+    above, before = graph.make("maximum", last, 0.0), graph.make("maximum", first, 0.0)
+    part = (above - before) / change
+    return graph.make("where", abs(change) > 0.0, part, still)
+
+
 @dataclass(frozen=True, eq=False)
 class Relay:
-    """The state ``place`` whose rate contains its sign.
-
-    ``up`` and ``down`` are its rates just above and just below zero, ``side`` is its direction in
-    a step, 1.0 or -1.0, 0.0 while it is held. The rates may change while it is held (``turning``)
-    if they depend on time or on other states.
-    """
+    """The state ``place`` whose rate contains its sign: its rates ``up`` just above and ``down``
+    just below zero, its direction ``side`` in a step, 0.0 while it is held, and whether its rates
+    may change meanwhile (``turning``)."""
 
     place: int
     up: Node
@@ -106,9 +132,8 @@ def trial(program: Program) -> dict[str, Node]:
     """What a trial step of length h makes of the time t, of what is ``left`` of a substep, of h,
     of the ``shortest`` step, of the number ``spent`` and of the states, by their names.
 
-    ``s0``, ... are the largest values of the states. A diverging run must not take minutes: each
-    rejected shortest step makes the shortest step longer (TIRED), and after too many steps
-    (``most``) each step tries to finish its substep.
+    A diverging run must not take minutes: each rejected shortest step makes the shortest step
+    longer (TIRED), and after too many steps (``most``) each tries to finish its substep.
     """
     graph, rates, every = program.graph, *relays(program)
     t, left, h, shortest, spent, rtol = map(graph.symbol, "t left h shortest spent rtol".split())
@@ -173,109 +198,24 @@ def _slip(program: Program, relay: Relay, new: Sequence[Node], scale: Node) -> N
     return missed / larger(scale, side * program.x[relay.place])
 
 
-_LOOP = """
-@fast
-def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, dt, substeps, rtol,
-        floor, y_hat, x_end, first, last):
-    for lane in (slice(first, last),):
-{unpack}
-        own, begins, zero = series[lane], start[lane], t0[lane]
-        whole = dt / substeps
-{fixed}
-        for j in range(length):
-            k = begins + j
-            t = zero + k * dt
-{read}
-{output}
-            if correct:
-{correct}
-{scale}
-            for i in range(substeps):
-                t = zero + (k + i / substeps) * dt
-                left = np.full(last - first, whole)
-                h = left
-                while np.any(left > 0.0):
-{step}
-                    {names}, = {codes},
-{finish}
-"""
-
-TIRED = 1.005
-MOST = 200  # to a substep, on average
-
-
-def array_code(program: Program) -> str:
-    """The function ``run`` for NumPy: all lanes at once."""
-    fixed = [node.value for node in program.p]
-    at_sample, at_step = Emitter("array", "a", fixed), Emitter("array", "b", fixed)
-    outputs = at_sample.write(program.y)
-    states, made = [node.value for node in program.x], trial(program)
-    codes = at_step.write(list(made.values()))
-    store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
-    scale = [f"s{i} = {_most('array', f's{i}', x)}" for i, x in enumerate(states)]
-    return _LOOP.format(
-        unpack=indent(unpack(program, "array"), 2),
-        fixed=indent(at_sample.head + at_step.head, 2),
-        read=indent([f"u{i} = u[own, k, {i}]" for i in range(len(program.u))], 3),
-        output=indent(at_sample.body + store, 3),
-        correct=indent(correction(outputs, states, "array"), 4),
-        scale=indent(scale, 3),
-        step=indent(at_step.body, 5),
-        names=", ".join(made),
-        codes=", ".join(codes),
-        finish=indent([f"x_end[lane, {i}] = {x}" for i, x in enumerate(states)], 2),
-    )
-
-
-def unpack(program: Program, kind: str) -> list[str]:
-    """States, their scales and parameters of a lane, its shortest step and largest step count."""
-    lines = ["shortest = dt / substeps * 1e-4", "spent = 0.0", f"most = {MOST} * length * substeps"]
-    lines += [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
-    lines += [
-        f"s{i} = {_most(kind, f'floor[{i}]', x.value)} + 1e-9" for i, x in enumerate(program.x)
-    ]
-    return lines + [f"{p.value} = p[lane, {i}]" for i, p in enumerate(program.p)]
-
-
-def _most(kind: str, a: str, b: str) -> str:
-    return f"{'np.maximum' if kind == 'array' else 'max'}({a}, abs({b}))"
-
-
-def correction(outputs: Sequence[str], states: Sequence[str], kind: str) -> list[str]:
-    """x += gain e, e = y - y_hat; of e within ``half`` the part ``dull`` is dropped."""
-    drop, clip = "0.0 if c{0} != c{0} else c{0}", "max(-half[{0}], min(half[{0}], c{0}))"
-    if kind == "array":
-        drop, clip = "np.where(np.isnan(c{0}), 0.0, c{0})", "np.clip(c{0}, -half[{0}], half[{0}])"
-    lines = []
-    for o, code in enumerate(outputs):
-        lines += [f"c{o} = y[k, {o}] - {code}", f"c{o} = " + drop.format(o)]
-        less = f"c{o} = c{o} - dull[k, {o}] * {clip.format(o)}"
-        lines += ["if len(dull) > 0:", f"    {less}"]
-    for i, name in enumerate(states):
-        gains = " + ".join(f"gain[lane, {i}, {o}] * c{o}" for o in range(len(outputs)))
-        lines += [f"{name} = {name} + {gains}"] if gains else []
-    return lines
-
-
-PLAIN = {"abs", "sqrt", "tanh"}  # available in processors, or written by other functions
-
-# each place takes the next lane as soon as its own is done; none waits for another
-_WIDE_LOOP = """
+# each place takes the next lane as soon as its own is done; none waits for another. A place without
+# a lane makes steps of zero length with the numbers of the first, which change nothing. At each
+# sample x += gain e, e = y - y_hat; of e within `half` the part `dull` is dropped.
+_RUN = """
 import numpy as np
-
+{robust}
 
 @fast
 def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, dt, substeps, rtol,
-        floor, y_hat, x_end, first, last):
-    whole = dt / substeps
-    lane_at, sample_at = np.zeros({width}, np.int64), np.zeros({width}, np.int64)
-    turn_at = np.zeros({width}, np.int64)
-{rooms}
+        floor, first, last, y_hat, x_end):
+    whole, most = dt / substeps, {most} * length * substeps
+    lane_at = {counts}
+    sample_at = {counts}
+    turn_at = {counts}
+    each room:
+        {name}_at = {numbers}
     for l in range({width}):
-        lane = first
-{unpack}
-{keep}
-        lane_at[l], sample_at[l] = -1, length
+        lane_at[l], sample_at[l] = -2, length
     following = first
     unfinished = 1.0
     while unfinished > 0.0:
@@ -285,33 +225,97 @@ def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, 
                 lane, j, i = lane_at[l], sample_at[l], turn_at[l] + 1
                 if i >= substeps:
                     j, i = j + 1, 0
-                if j >= length:
+                if j >= length and lane != -1:
                     if lane >= 0:
-{finish}
-                    lane = -1
+                        each state:
+                            x_end[lane][{i}] = {name}_at[l]
+                    lane, own = -1, first
                     if following < last:
-                        lane, j, i = following, 0, 0
+                        lane, own, j, i = following, following, 0, 0
                         following = following + 1
-{take}
+                    shortest, spent = whole * 1e-4, 0.0
+                    each state:
+                        {name} = x_start[own][{i}]
+                        s{i} = max(floor[{i}], abs({name})) + 1e-9
+                    each parameter:
+                        {name} = p[own][{i}]
+                    code fixed
+                    each held:
+                        {name}_at[l] = {name}
                 lane_at[l], sample_at[l], turn_at[l] = lane, j, i
                 if lane >= 0:
                     own, k = series[lane], start[lane] + j
                     t = t0[lane] + (k + i / substeps) * dt
-{read}
-{keep_read}
+                    each input:
+                        {name} = u[own][k][{i}]
+                        {name}_at[l] = {name}
                     if i == 0:
-{load}
-{output}
+                        each held:
+                            {name} = {name}_at[l]
+                        code outputs
                         if correct:
-{correct}
-{scale}
-{keep_moving}
+                            each output:
+                                c{i} = y[k][{i}] - y_hat[lane][j][{i}]
+                                c{i} = 0.0 if c{i} != c{i} else c{i}
+                                if len(dull) > 0:
+                                    near = max(-half[{i}], min(half[{i}], c{i}))
+                                    c{i} = c{i} - dull[k][{i}] * near
+                            each state:
+                                {name} = {name} + {gains}
+                        each state:
+                            s{i} = max(s{i}, abs({name}))
+                        each moving:
+                            {name}_at[l] = {name}
                     t_at[l], left_at[l], h_at[l] = t, whole, whole
             unfinished = unfinished + left_at[l]
         for l in range({width}):
-{load_step}
-{step}
+            each room:
+                {name} = {name}_at[l]
+            code step
 """
+TIRED = 1.005
+MOST = 200  # to a substep, on average
+
+
+def lane_code(program: Program, kind: str, width: int) -> str:
+    """The function ``run``, which works through the lanes by blocks of a width; ``kind`` "wide" can
+    be vectorised, "compiled" has all functions, "python" is not compiled (errors are caught)."""
+    guarded, of = kind == "python", "wide" if kind == "wide" else "scalar"
+    every, made = [node.value for node in program.p], trial(program)
+    fixed = [] if guarded else every
+    states, inputs = ([node.value for node in of] for of in (program.x, program.u))
+    count = range(len(program.y))
+    gains = [" + ".join(f"gain[lane][{i}][{o}] * c{o}" for o in count) for i in range(len(states))]
+    shown = [f"y_hat[lane][j][{o}]" for o in count]
+    outputs = Section(shown, program.y, "a", fixed, kind=of)
+    after = Section([f"{k}_at[l]" for k in made], list(made.values()), "b", fixed, kind=of)
+    head = outputs.emitter.head + after.emitter.head
+    moving = [*states, *(f"s{i}" for i in range(len(states)))]
+    held = [*every, "shortest", "spent", *(line.split(" = ")[0] for line in head), *moving]
+    groups = {
+        "state": [
+            row | {"gains": g or "0.0"} for row, g in zip(numbered(states), gains, strict=True)
+        ],
+        "parameter": numbered(every),
+        "input": numbered(inputs),
+        "output": numbered(count),
+        "held": numbered(held),
+        "moving": numbered(moving),
+        "room": numbered([*held, *inputs, "t", "left", "h"]),
+    }
+    return written(
+        _RUN,
+        groups,
+        {"fixed": head, "outputs": outputs.lines(guarded), "step": after.lines(guarded)},
+        robust=outputs.robust() + after.robust() if guarded else "",
+        most=MOST,
+        width=width,
+        counts=f"[0] * {width}" if guarded else f"np.zeros({width}, np.int64)",
+        numbers=f"[0.0] * {width}" if guarded else f"np.zeros({width})",
+    )
+
+
+PLAIN = {"abs", "sqrt", "tanh"}  # available in processors, or written by other functions
 
 
 def is_wide(program: Program) -> bool:
@@ -319,53 +323,3 @@ def is_wide(program: Program) -> bool:
     nodes = reachable(trial(program).values())
     calls = {OPS[n.op].scalar.partition("(")[0] for n in nodes if n.args}
     return {call for call in calls if call.isidentifier()} <= {*LIBRARY, *PLAIN}
-
-
-def lane_code(program: Program, kind: str, width: int) -> str:
-    """The function ``run``, which works through the lanes by blocks; ``kind`` "wide" can be
-    vectorised, "scalar" has all functions."""
-    fixed = [node.value for node in program.p]
-    at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
-    outputs = at_sample.write(program.y)
-    states, inputs = ([node.value for node in of] for of in (program.x, program.u))
-    made = trial(program)
-    pairs = zip(made, at_step.write(list(made.values())), strict=True)
-    # a place without a lane makes steps of zero length, which change nothing
-    inner = [*at_step.body, *(f"{name}_at[l] = {code}" for name, code in pairs)]
-    scales = [f"s{i}" for i in range(len(states))]
-    known = [
-        *fixed,
-        "shortest",
-        "spent",
-        *(line.split(" = ")[0] for line in at_sample.head + at_step.head),
-    ]
-    moving = [*states, *scales]
-    rooms = [*known, *moving, *inputs, "t", "left", "h"]
-    read = [f"{name} = u[own, k, {i}]" for i, name in enumerate(inputs)]
-    store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
-    taken = [*unpack(program, "scalar"), *at_sample.head, *at_step.head]
-    return _WIDE_LOOP.format(
-        width=width,
-        rooms=indent([f"{name}_at = np.zeros({width})" for name in rooms], 1),
-        unpack=indent(taken, 2),
-        keep=indent(_kept([*known, *moving]), 2),
-        take=indent([*taken, *_kept([*known, *moving])], 6),
-        finish=indent([f"x_end[lane, {i}] = {x}_at[l]" for i, x in enumerate(states)], 6),
-        read=indent(read, 5),
-        keep_read=indent(_kept(inputs), 5),
-        load=indent(_loaded([*known, *moving]), 6),
-        output=indent([*at_sample.body, *store], 6),
-        correct=indent(correction(outputs, states, "scalar"), 7),
-        scale=indent([f"s{i} = max(s{i}, abs({x}))" for i, x in enumerate(states)], 6),
-        keep_moving=indent(_kept(moving), 6),
-        load_step=indent(_loaded(rooms), 3),
-        step=indent(inner, 3),
-    )
-
-
-def _kept(names: Iterable[str]) -> list[str]:
-    return [f"{name}_at[l] = {name}" for name in names]
-
-
-def _loaded(names: Iterable[str]) -> list[str]:
-    return [f"{name} = {name}_at[l]" for name in names]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from ..expression.graph import Node, reachable, substitute, symbols_in
 from ..expression.numpy_protocol import OPS
@@ -94,9 +95,10 @@ class Section:
         fixed: Iterable[str] = (),
         *,
         at_once: bool = False,
+        kind: str = "scalar",
     ) -> None:
         self.names, self.nodes, self.prefix, self.at_once = names, nodes, prefix, at_once
-        self.emitter = Emitter("scalar", prefix, fixed)
+        self.emitter = Emitter(kind, prefix, fixed)
         self.codes = self.emitter.write(nodes)
 
     def lines(self, guarded: bool = False) -> list[str]:
@@ -146,6 +148,40 @@ def reciprocals(roots: Sequence[Node]) -> list[Node]:
 def indent(lines: Iterable[str], depth: int) -> str:
     """The lines as one text, indented by ``depth`` steps; ``pass`` if there are none."""
     return "\n".join("    " * depth + line for line in (list(lines) or ["pass"]))
+
+
+def written(
+    template: str,
+    groups: Mapping[str, Sequence[Mapping[str, Any]]],
+    codes: Mapping[str, Sequence[str]],
+    **words: Any,
+) -> str:
+    """The text of a template: what is below ``each NAME:`` is repeated for each row of a group,
+    and the lines of a code stand for ``code NAME``. Braces hold words, or those of the row."""
+
+    def of(lines: Sequence[str], words: Mapping[str, Any]) -> Iterator[str]:
+        k = 0
+        while k < len(lines):
+            line, k = lines[k], k + 1
+            what, _, name = line.strip().partition(" ")
+            depth = len(line) - len(line.lstrip())
+            if what == "each":
+                begin = k
+                while k < len(lines) and lines[k].startswith(" " * (depth + 4)):
+                    k += 1
+                for row in groups[name.rstrip(":")]:
+                    yield from of([inner[4:] for inner in lines[begin:k]], {**words, **row})
+            elif what == "code":
+                yield from (" " * depth + own for own in codes[name] or ["pass"])
+            else:
+                yield line.format_map(words)
+
+    return "\n".join(of(template.rstrip().split("\n"), words)) + "\n"
+
+
+def numbered(names: Iterable[Any]) -> list[dict[str, Any]]:
+    """The rows of a group of names."""
+    return [{"i": i, "name": name} for i, name in enumerate(names)]
 
 
 def summed(terms: Sequence[str]) -> str:

@@ -36,13 +36,8 @@ class Node(Symbolic):
 
 
 class Graph:
-    """The table of nodes; only ``make`` creates one.
-
-    ``late`` holds the delay of each state that a block declares to be a delayed signal, by the
-    index of the state's symbol; those in ``exact`` are that signal, and their rate is the signal
-    before the delay. ``called`` are functions that are called as they are, by nodes "call" (its
-    value is the function's place) and "item" (the place in what that returns).
-    """
+    """The table of nodes. ``late`` are delays by the state that is the delayed signal; of those in
+    ``exact`` the rate is the signal before the delay. ``called`` are called by nodes "call"."""
 
     def __init__(self) -> None:
         self.called: list[Callable[..., Sequence[float]]] = []
@@ -268,11 +263,7 @@ def _value(node: Node, args: Sequence[Any]) -> Any:
 
 
 def derivatives(roots: Sequence[Node], variable: Node) -> list[Node]:
-    """d root / d variable for each root.
-
-    d|x|/dx = sign(x), 0 at 0; sign and comparisons count as constants; np.where, np.maximum
-    and np.minimum as the active branch.
-    """
+    """d root / d variable for each root; sign and comparisons count as constants."""
     slope: dict[int, Node] = {}
     zero, one = variable.graph.constant(0.0), variable.graph.constant(1.0)
     for node in reachable(roots):
@@ -309,23 +300,15 @@ def jacobian(roots: Sequence[Node], variables: Sequence[Node]) -> list[list[Node
 
 @dataclass(frozen=True)
 class Form:
-    """offset + sum of slopes times symbols; ``slopes`` by the symbol's index, zeros left out.
-
-    Neither the offset nor a slope contains one of the symbols.
-    """
+    """offset + sum of slopes times symbols; ``slopes`` by the symbol's index, zeros left out."""
 
     slopes: dict[int, Node]
     offset: Node
 
 
 def affine(roots: Sequence[Node], symbols: Iterable[Node]) -> list[Form | None]:
-    """Each root as an affine form of the symbols, None where it is not affine.
-
-    Decided by the operations alone, so it holds for all values of all other symbols: parameters,
-    inputs, time. A choice by a condition that is free of the symbols is affine if its branches
-    are. An expression that is affine only after a rearrangement (a difference of two squares)
-    counts as not affine.
-    """
+    """Each root as an affine form of the symbols, None where it is not affine by its operations
+    alone, so for all values of all other symbols."""
     forms: dict[int, Form | None] = {}
     own = {node.index for node in symbols}
     for node in reachable(roots):
@@ -375,44 +358,3 @@ _RULES: dict[str, Callable[..., Form | None]] = {
     "divide": lambda a, b: None if b.slopes else _each(lambda part: part / b.offset, a),
     "where": _choice,
 }
-
-
-def solve(
-    symbols: Sequence[Node], forms: Sequence[Form], usable: Callable[[Node], bool]
-) -> list[Node] | None:
-    """The values of the symbols for which each is equal to its form; None if there is no one.
-
-    Elimination: a symbol that does not occur in its own form is replaced without a division.
-    ``usable`` says of a divisor whether it differs from zero.
-    """
-    left = {s.index: form for s, form in zip(symbols, forms, strict=True)}
-    done: list[tuple[int, Form]] = []
-
-    def ready(k: int) -> bool:
-        own = left[k].slopes.get(k)
-        return own is None or usable(1.0 - own)
-
-    while left:
-        order = sorted(left, key=lambda k: (k in left[k].slopes, len(left[k].slopes)))
-        k = next(filter(ready, order), None)
-        if k is None:
-            return None
-        form = left.pop(k)
-        own, others = form.slopes.get(k), _without(form, k)
-        if own is not None:
-            form = _each(lambda part, divisor=1.0 - own: part / divisor, others)
-        for j, other in left.items():
-            slope = other.slopes.get(k)
-            if slope is not None:
-                rest = _without(other, k)
-                left[j] = _each(lambda a, b, slope=slope: a + slope * b, rest, form)
-        done.append((k, form))
-    values: dict[int, Node] = {}
-    for k, form in reversed(done):
-        terms = (slope * values[j] for j, slope in form.slopes.items())
-        values[k] = form.offset.graph.total([form.offset, *terms])
-    return [values[s.index] for s in symbols]
-
-
-def _without(form: Form, k: int) -> Form:
-    return Form({j: s for j, s in form.slopes.items() if j != k}, form.offset)

@@ -14,7 +14,7 @@ from ...core.errors import Diverged, InputError
 from ..codegen.adaptive_step import run_code
 from ..tracing.network import Net
 from ..tracing.tracer import Hybrid, Program
-from .backend import compiler, kind_of, load_steps
+from .backend import call, compiler, kind_of, laid_out, load_steps
 from .endings import no_bound
 
 
@@ -38,12 +38,8 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class Course:
-    """The times at which a net is stepped, the updates there, and the points to keep.
-
-    ``grid`` (N,) are updates and requested times, ``given`` (m, N) the external inputs, which
-    ``hold`` holds between grid points. ``flags`` (groups, N) are 1 for an update of a sample time,
-    0.5 if only its outputs are requested. ``kept`` are the places of the requested times.
-    """
+    """The times ``grid`` (N,) at which a net is stepped, the external inputs ``given`` (m, N), the
+    updates ``flags`` (groups, N) of :class:`Hybrid`, and the places to keep."""
 
     grid: np.ndarray
     given: np.ndarray
@@ -63,11 +59,8 @@ class Course:
 
 @dataclass(frozen=True)
 class Track:
-    """Continuous states, sampled states before the updates, and signals at the grid points.
-
-    ``unsettled`` is the last time at which the error test was given up because a relay did not
-    come to rest (nan: never), ``steps`` the number of trial steps.
-    """
+    """Continuous states, sampled states before the updates, and signals at the grid points;
+    ``unsettled`` is the last time at which a relay did not come to rest (nan: never)."""
 
     x: np.ndarray
     q: np.ndarray
@@ -163,14 +156,7 @@ class Engine:
         return self._code[kind]
 
     def run(self, course: Course, now: Now, p: np.ndarray, accuracy: Accuracy) -> Track:
-        """The track from ``now``, which is moved to its end.
-
-        The error of each step is at most ``rtol``: the states' errors, each divided by the
-        state's size, as the root of the sum of their squares. The size is the largest value of
-        the last swing, which is forgotten in about the time in which the state fell (at least
-        ``atol / rtol``, default 1e-9, and 1e-7 of its largest value so far). Raises Diverged, with
-        state and time.
-        """
+        """The track from ``now``, which is moved to its end; Diverged with state and time."""
         backend = self._chosen(len(course.grid))
         if backend not in self._runs:
             self._runs[backend] = load_steps(self._text(kind_of(backend)), backend).run
@@ -179,9 +165,8 @@ class Engine:
         status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
         given = (course.grid, course.given, course.ticks, course.flags, bool(course.hold))
         given = (*given, p, float(accuracy.rtol), accuracy.floor)
-        code = _call(
-            self._runs[backend], backend, given, [now.x, now.q, now.h, now.sizes, x, q, y, status]
-        )
+        filled = [now.x, now.q, now.h, now.sizes, x, q, y, status]
+        code = call(self._runs[backend], backend, laid_out(given, backend), filled)
         if code == 1:
             raise no_bound(self.name, self.states, status)
         if code == 2:
@@ -202,23 +187,6 @@ class Engine:
         few = FEW if self.states else 25 * FEW
         plain = getattr(_HERE, "plain", False) or self._points <= few
         return "python" if plain else compiler() or "python"
-
-
-def _call(run: Any, backend: str, given: Sequence[Any], filled: Sequence[np.ndarray]) -> int:
-    """Call generated code that fills arrays; with lists in plain Python, where they are faster."""
-    form = np.ndarray.tolist if backend == "python" else _laid_out
-    given = [form(a) if isinstance(a, np.ndarray) else a for a in given]
-    if backend != "python":
-        return run(*given, *filled)
-    lists = [a.tolist() for a in filled]
-    code = run(*given, *lists)
-    for target, rows in zip(filled, lists, strict=True):
-        target[...] = np.array(rows).reshape(target.shape)
-    return code
-
-
-def _laid_out(values: np.ndarray) -> np.ndarray:
-    return np.require(values, float if values.dtype.kind == "f" else np.int64, ["C", "W"])
 
 
 def chosen_outputs(program: Program, outputs: Sequence[str] | None) -> Program:

@@ -35,11 +35,8 @@ from ..expression.numpy_protocol import LIBRARY, WIDTH
 
 
 def cache_dir() -> Path:
-    """The directory of generated code: $LUGRECTL_CACHE, else the user's cache directory.
-
-    Where others can write to it, one of its own beside it; a temporary directory of this process
-    if none can be written.
-    """
+    """The directory of generated code: $LUGRECTL_CACHE, else the user's cache directory; where
+    others can write to it one beside it, where none can be written a temporary one."""
     if os.name == "nt":
         base = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
     elif sys.platform == "darwin":
@@ -89,7 +86,6 @@ def keep(path: Path, text: str) -> Path:
     with contextlib.suppress(OSError, UnicodeDecodeError):
         if path.read_text(encoding="utf-8") == text:
             return path
-    make_room(path.parent)
     with whole(path) as part:
         part.write_text(text, encoding="utf-8")
     return path
@@ -108,18 +104,6 @@ def is_sound(path: Path) -> bool:
         return place.read_text() == digest
     except (OSError, UnicodeDecodeError):
         return False
-
-
-def make_room(folder: Path, most: int = 500) -> None:
-    """Delete the older half of a full cache, compiled code included."""
-    sources = [*folder.glob("lugrectl_*.py"), *folder.glob("lugrectl_*.c")]
-    if len(sources) < most:
-        return
-    with contextlib.suppress(OSError):
-        for old in sorted(sources, key=lambda path: path.stat().st_mtime)[: most // 2]:
-            for place in (folder, folder / "__pycache__"):
-                for made in place.glob(f"{old.stem}.*"):
-                    made.unlink()
 
 
 PLAIN = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
@@ -145,11 +129,8 @@ _SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
 
 
 class Native:
-    """The last function of a source text, compiled at its first call for the arguments' kinds.
-
-    It may take floats, whole numbers and arrays in C order, as :func:`c_code` reads them.
-    ``flags`` are PLAIN, or, with :func:`has_wide`, FUSED, or WIDE to vectorise its innermost loops.
-    """
+    """The last function of a source text, compiled at its first call for the kinds of arguments:
+    floats, whole numbers, arrays in C order. ``flags`` other than PLAIN need :func:`has_wide`."""
 
     def __init__(self, source: str, flags: tuple[str, ...] = PLAIN) -> None:
         self.source, self.flags = source, flags
@@ -307,12 +288,8 @@ def kind_of(backend: str) -> str:
 
 def load(source: str, backend: str) -> ModuleType:
     """The module of a source text; ``fast`` marks the functions that numba compiles, ``small``
-    those that only these call.
-
-    ``backend`` is "numba", "python" (the same text, not compiled), "numpy", or, for its last
-    function, "c", "fused", which may round a product and a sum once, or "wide": C that computes
-    several turns of its innermost loops at once.
-    """
+    those that only these call. ``backend`` is "numba", "python" (not compiled), "numpy", or, for
+    the last function in C, "c", "fused" (a product and a sum are rounded once) or "wide"."""
     text = HEADERS.get(backend, "") + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     with _LOADING:  # another thread must not see a partly loaded module
@@ -334,6 +311,30 @@ def load(source: str, backend: str) -> ModuleType:
 def load_steps(source: str, backend: str) -> ModuleType:
     """As :func:`load`, for a run that controls its own error: rounding may be the machine's."""
     return load(source, "fused" if backend == "c" and has_wide() else backend)
+
+
+def laid_out(given: Iterable[Any], backend: str) -> list[Any]:
+    """Arguments of generated code: arrays in one layout, or lists, which plain Python prefers."""
+
+    def one(value: Any) -> Any:
+        if not isinstance(value, np.ndarray):
+            return value
+        if backend == "python":
+            return value.tolist()
+        return np.require(value, float if value.dtype.kind == "f" else np.int64, ["C", "W"])
+
+    return [one(value) for value in given]
+
+
+def call(run: Any, backend: str, given: Sequence[Any], filled: Sequence[np.ndarray]) -> int:
+    """Call generated code that fills arrays behind its arguments."""
+    if backend != "python":
+        return run(*given, *filled)
+    lists = laid_out(filled, backend)
+    code = run(*given, *lists)
+    for target, rows in zip(filled, lists, strict=True):
+        target[...] = np.array(rows).reshape(target.shape)
+    return code
 
 
 def _direct(text: str, name: str) -> ModuleType:
@@ -382,25 +383,7 @@ def _from_file(text: str, name: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)
-    for function in vars(module).values():
-        kept = getattr(function, "_cache", None)
-        if hasattr(kept, "load_overload"):
-            _distrust(kept)
     return module
-
-
-def _distrust(kept: Any) -> None:
-    """Let numba compile again where its own files cannot be read."""
-    read = kept.load_overload
-
-    def load_overload(*given: Any) -> Any:
-        try:
-            return read(*given)
-        except Exception:  # whatever a damaged pickle raises
-            kept.flush()
-            return None
-
-    kept.load_overload = load_overload
 
 
 def threads() -> int:

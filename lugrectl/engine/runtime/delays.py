@@ -70,11 +70,8 @@ def run_late(
 
 
 def _by_time(net: Net, params: Mapping[str, Any] | None, late: tuple[int, ...]) -> Hybrid:
-    """A net with held inputs in place of its inputs and delayed signals.
-
-    They are m values, m slopes, five coefficients of each delayed signal, and the start of the
-    panel. Behind the signals come those that will be delayed, then the delayed ones.
-    """
+    """A net with held inputs: m values, m slopes, five coefficients of each delayed signal, and the
+    start of the panel. Behind the signals come those to be delayed, then the delayed ones."""
     m = len(net.outside)
     more = tuple(f"held {k}" for k in range(m + 5 * len(late) + 1))
     wide = replace(net, outside=(*net.outside, *more))

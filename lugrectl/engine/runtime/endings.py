@@ -27,13 +27,8 @@ def bounded(
     *,
     looped: bool,
 ) -> None:
-    """Raise Diverged, with signal and time, where a row grows without bound or is not a number.
-
-    ``rows`` are arrays (n, N), ``labels`` a function that returns lists of their names. States
-    first: the earliest one of the first array in which a row grows is named. The largest value of
-    inputs and initial states (``driven``), at least 1, is the size of the run. ``looped``: several
-    blocks; the message then mentions the sign of the feedback.
-    """
+    """Raise Diverged, with signal and time, where a row of arrays (n, N) grows without bound or is
+    not a number; the largest of ``driven``, at least 1, is the size of the run."""
     size = max([1.0, *(float(np.max(np.abs(part))) for part in driven if np.size(part))])
     large = [np.size(group) and not np.abs(group).max() <= BOUND * size for group in rows]
     for i, names in enumerate(labels() if any(large) else ()):
@@ -79,10 +74,8 @@ def warn_unsettled(name: str, when: float, stacklevel: int) -> None:
 
 
 class Chatter:
-    """An event function for ``solve_ivp`` that never occurs: it sees every step.
-
-    Raises Diverged where a comparison in a block holds the solver at one time.
-    """
+    """An event function for ``solve_ivp`` that never occurs: it sees every step, and raises
+    Diverged where a comparison in a block holds the solver at one time."""
 
     terminal = False
 

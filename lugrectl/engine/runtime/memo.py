@@ -29,12 +29,8 @@ def described(system: Any, *, by_trace: bool = True) -> Any:
     """All that decides what a system does, as a hashable value; None where it cannot be known.
 
     Of blocks of this package and of matrices it is known at once. A function of a user may read
-    anything: a global, an entry of a dictionary, an array. Such a block is described by the
-    equations that a trace of it gives now, or not at all without ``by_trace``. Parameters that
-    are no numbers, and those that decide which equations there are, leave a system undescribed.
-
-    The system's ``_update_params`` was called before. Raises TraceError for a block that keeps
-    values between calls.
+    anything: such a block is described by the equations that a trace of it gives now, or not at
+    all without ``by_trace``. TraceError for a block that keeps values between calls.
     """
     if type(system) not in PLAIN or "_rhs" in vars(system) or "_out" in vars(system):
         return None
@@ -96,12 +92,8 @@ _traced: dict[Any, Engine] = {}
 
 
 def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Engine:
-    """The compiled net, as it is at this moment.
-
-    Code of an earlier call serves again where the equations are the same: the blocks are
-    :func:`described` as they were then, or a new trace of them gives the same equations again.
-    Whatever the functions of a user read, they read it again.
-    """
+    """The compiled net, as it is now: code of an earlier call, where the blocks are
+    :func:`described` as they were then, or a new trace gives the same equations again."""
     with ALONE:
         given, blocks = dict(params or {}), [part.block for part in net.parts]
         for block in blocks:
