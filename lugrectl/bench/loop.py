@@ -23,7 +23,7 @@ from ..core.numeric import rms
 from ..core.validation import array, number, positive, shown
 from ..design import Certificate, certify, design_gains
 from ..design.gains import RULES
-from ..engine.runtime.adaptive_run import interpreted
+from ..engine.adaptive_run import interpreted
 from ..estimates.findings import Table
 from ..loops.parts import MEASURED, OUTPUTS, Control, all_at, connected, read_of
 from ..record import Record

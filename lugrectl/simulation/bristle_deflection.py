@@ -14,9 +14,9 @@ from ..blocks.friction import bristle
 from ..blocks.model import as_model
 from ..core.errors import InputError
 from ..core.validation import array, positive
-from ..engine.codegen.python_source import Emitter, indent
-from ..engine.expression.graph import Graph, Node, derivatives, rename, substitute
-from ..engine.runtime.backend import load
+from ..engine.backend import load
+from ..engine.graph import Graph, Node, derivatives, rename, substitute
+from ..engine.python_source import Emitter, indent
 
 if TYPE_CHECKING:
     from ..blocks.model import Model, Parameters

@@ -16,14 +16,19 @@ from numpy.typing import ArrayLike
 from ..blocks.controllers import dead_times
 from ..core.errors import Diverged, InputError
 from ..core.validation import positive
-from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.adaptive_run import Accuracy, Course, Track
-from ..engine.runtime.delays import run_late
-from ..engine.runtime.endings import bounded, first_bad, warn_unsettled
-from ..engine.runtime.interpreted_run import Called
-from ..engine.runtime.memo import compiled
-from ..engine.tracing.network import Net, Part
-from ..engine.tracing.tracer import traced_net
+from ..engine.adaptive_run import (
+    Accuracy,
+    Called,
+    Course,
+    Track,
+    bounded,
+    first_bad,
+    warn_unsettled,
+)
+from ..engine.delays import run_late
+from ..engine.graph import TraceError
+from ..engine.memo import compiled
+from ..engine.tracer import Net, Part, traced_net
 from . import arguments
 from .wiring_warnings import warn_of_wiring
 

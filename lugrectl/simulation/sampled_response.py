@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from ..blocks.block import Steady
 from ..core.errors import InputError
 from ..core.validation import array, whole
-from ..engine.runtime.adaptive_run import Accuracy, Course
-from ..engine.tracing.network import Net, Part
+from ..engine.adaptive_run import Accuracy, Course
+from ..engine.tracer import Net, Part
 from . import arguments
 from .response import Run, followed, outside
 from .wiring_warnings import warn_of_wiring

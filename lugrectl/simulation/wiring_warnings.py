@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ..core.validation import nearest
-from ..engine.tracing.network import Net
+from ..engine.tracer import Net
 
 OPTIONAL = ("d",)  # a load: 0 is what is usually meant
 AT = (1e-2, 1.0, 1e2, 1e4)  # 1/s: points of the positive real axis

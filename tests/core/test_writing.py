@@ -10,7 +10,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core import writing
-from lugrectl.engine.runtime.backend import keep
+from lugrectl.engine.backend import keep
 from lugrectl.report import FILES, check_folder
 
 from ..cases.made_up import bare

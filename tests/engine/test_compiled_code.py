@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from lugrectl.core.errors import InputError
-from lugrectl.engine.codegen.c_source import NUMBER, c_code
-from lugrectl.engine.codegen.python_source import summed
-from lugrectl.engine.runtime import backend
-from lugrectl.engine.runtime.backend import (
+from lugrectl.engine import backend
+from lugrectl.engine.backend import (
+    NUMBER,
     SUFFIX,
     Native,
+    c_code,
     has_compiler,
 )
+from lugrectl.engine.python_source import summed
 
 needs_c = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
 
@@ -188,13 +189,3 @@ def test_where_nothing_can_be_written_code_runs_as_plain_python(folder, monkeypa
             backend.load(f"@fast\n{ROOT.format(number)}", kind).run(there)
             assert there[0] == 2.0 + number
     assert len(said) == 1
-
-
-def test_a_full_cache_drops_its_older_half_with_the_libraries(tmp_path):
-    for age, name in enumerate("a.c b.py c.c d.py".split()):
-        for file in (f"lugrectl_{name}", f"lugrectl_{name[0]}.so"):
-            (tmp_path / file).write_text("")
-            os.utime(tmp_path / file, (age, age))
-    backend.make_room(tmp_path, most=4)
-    left = sorted(p.name for p in tmp_path.iterdir())
-    assert left == ["lugrectl_c.c", "lugrectl_c.so", "lugrectl_d.py", "lugrectl_d.so"]

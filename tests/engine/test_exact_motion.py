@@ -15,7 +15,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.plant import assemble
-from lugrectl.engine.runtime.batch_run import Lanes
+from lugrectl.engine.batch_run import Lanes
 
 LAWS = {
     "coulomb": {"J": 0.004, "Fc": 0.12, "Fv": 0.006},

@@ -7,8 +7,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.engine import Lanes
-from lugrectl.engine.codegen.fixed_step import relays
-from lugrectl.engine.tracing.tracer import trace
+from lugrectl.engine.fixed_step import relays
+from lugrectl.engine.tracer import trace
 
 from ..conftest import there
 

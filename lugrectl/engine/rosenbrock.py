@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..expression.graph import Graph, Node, derivatives, jacobian, rename
+from .graph import Graph, Node, derivatives, jacobian, rename
 
 GAMMA = 0.57282
 STAGES = (  # weights of the earlier stages in the argument, time of the argument

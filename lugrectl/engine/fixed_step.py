@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from ..expression.graph import Node, reachable, rename, substitute, symbols_in
-from ..expression.numpy_protocol import COMPARISONS, LIBRARY, OPS
-from ..tracing.tracer import Program
+from .graph import COMPARISONS, LIBRARY, OPS, Node, reachable, rename, substitute, symbols_in
 from .python_source import Section, numbered, written
 from .rosenbrock import Equations, step
+from .tracer import Program
 
 ZERO = 1e-8  # of a state's scale: within this it has reached zero
 HELD = 100.0  # weight of a motion missed by holding a state too long: it is not corrected later

@@ -9,15 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from ...core.errors import Diverged
-from ..expression.graph import Node, affine
-from ..expression.numpy_protocol import TraceError
-from ..tracing.network import Net
-from ..tracing.tracer import Hybrid, traced_net
-from .adaptive_run import Accuracy, Course, Engine, Now
+from ..core.errors import Diverged
+from .adaptive_run import Accuracy, Course, Engine, Now, warn_unsettled
 from .backend import compiler
-from .endings import warn_unsettled
+from .graph import Node, TraceError, affine
 from .memo import ALONE, described, is_number
+from .tracer import Hybrid, Net, traced_net
 
 RTOL = 1e-6  # error allowed in a substep, relative to the largest value of each state
 FEW = 4000  # samples; compiling takes as long as so many in plain Python

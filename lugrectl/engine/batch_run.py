@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.bare_system import BareSystem
-from ...core.errors import InputError
-from ..codegen.fixed_step import is_wide, lane_code
-from ..expression.numpy_protocol import WIDTH
-from ..tracing.tracer import trace
+from ..core.bare_system import BareSystem
+from ..core.errors import InputError
 from .adaptive_run import chosen_outputs
 from .backend import call, compiler, each_beside, has_wide, kind_of, laid_out, load, threads
+from .fixed_step import is_wide, lane_code
+from .graph import WIDTH
+from .tracer import trace
 
 if TYPE_CHECKING:
     import control as ct

@@ -8,16 +8,16 @@ change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..expression.graph import Node, derivatives, rename, substitute, symbols_in
-from ..tracing.tracer import Hybrid, Program
+from .graph import Node, derivatives, rename, substitute, symbols_in
 from .python_source import Section, numbered, reciprocals, summed, written
 from .rosenbrock import Equations, SparseLU, step
+from .tracer import Hybrid, Program
 
 
 def freeze_modes(
@@ -533,27 +533,22 @@ def run_code(hybrid: Hybrid, kind: str) -> str:
     after, error = step(equations, divided=True)
     y, shown = resting(program.y, made, modes)
     groups = _groups(hybrid, leads, jumps, made) | {"shown": [{"i": i} for i in shown]}
-    states, rests = range(len(program.x)), [*made.parts]
-    moves = {f"move{m['j']}_{m['i']}": made.moves[m["i"]][m["j"]] for m in groups["move"]}
+    rests, fixed = [*made.parts], [] if guarded else [node.value for node in program.p]
+    moves = {f"move{j}_{i}": node for i, of in made.moves.items() for j, node in of.items()}
+    weights = {f"part{i}": part for i, part in made.parts.items()}
+    weights |= {f"step{i}": part for i, part in made.steps.items()}
+    own = [*(q.value for q in hybrid.q), *(u.value for u in program.u[len(hybrid.net.outside) :])]
     stepped = after + error if guarded else reciprocals(after + error)
-    codes: dict[str, tuple[list[str], list[Node], str]] = {
-        "step": ([f"{letter}{i}" for letter in "ne" for i in states], stepped, "w"),
-        "leads": ([f"a{i}" for i in range(len(leads))], leads, "c"),
-        "leads_after": ([f"l{i}" for i in range(len(leads))], _at_end(program, leads), "d"),
-        "outputs": ([f"row{i}[k]" for i in range(len(y))], y, "o"),
-        "weights": (
-            [*(f"part{i}" for i in rests), *(f"step{i}" for i in rests), *moves],
-            [*made.parts.values(), *made.steps.values(), *moves.values()],
-            "rest",
-        ),
-        "weights_after": (
-            [f"end_part{i}" for i in rests], _at_end(program, [*made.parts.values()]), "late"
-        ),
-    }  # fmt: skip
-    fixed = [] if guarded else [node.value for node in program.p]
-    sections = {key: Section(*given, fixed) for key, given in codes.items()}
-    own = [m["name"] for m in (*groups["own"], *groups["kept"])]
-    sections["updates"] = Section(own, hybrid.ticked, "k", fixed, at_once=True)
+    late = _at_end(program, [*made.parts.values()])
+    sections = {
+        "step": Section(_named("ne", range(len(program.x))), stepped, "w", fixed),
+        "leads": Section(_named("a", range(len(leads))), leads, "c", fixed),
+        "leads_after": Section(_named("l", range(len(leads))), _at_end(program, leads), "d", fixed),
+        "outputs": Section([f"row{i}[k]" for i in range(len(y))], y, "o", fixed),
+        "weights": Section([*weights, *moves], [*weights.values(), *moves.values()], "rest", fixed),
+        "weights_after": Section(_named(["end_part"], rests), late, "late", fixed),
+        "updates": Section(own, hybrid.ticked, "k", fixed, at_once=True),
+    }
     lines = {key: section.lines(guarded) for key, section in sections.items()}
     lines["fixed"] = [line for section in sections.values() for line in section.emitter.head]
     return written(
@@ -561,14 +556,18 @@ def run_code(hybrid: Hybrid, kind: str) -> str:
         groups,
         lines,
         robust="".join(part.robust() for part in sections.values()) if guarded else "",
-        moving=bool(states),
+        moving=bool(program.x),
         nesting=nesting(leads),
         rests=len(rests),
         near=" or ".join(f"on{i} > 0.0 or abs(a{i}) <= DEAD * r{i}" for i in rests),
         sum_of_rests=" + ".join(f"on{i}" for i in rests),
-        error=summed([f"error{i} * error{i}" for i in states]),
+        error=summed([f"error{i} * error{i}" for i in range(len(program.x))]),
         total=summed([f"0.0 * {name}" for name in own]),
     )
+
+
+def _named(letters: Iterable[str], numbers: Iterable[int]) -> list[str]:
+    return [f"{letter}{i}" for letter in letters for i in [*numbers]]
 
 
 def _groups(

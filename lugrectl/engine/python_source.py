@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from ..expression.graph import Node, reachable, substitute, symbols_in
-from ..expression.numpy_protocol import OPS
+from .graph import OPS, Node, reachable, substitute, symbols_in
 
 SCALAR_HEADER = """from math import (
     acos, asin, atan, atan2, cos, cosh, exp, expm1, inf, isfinite, log, log10, log1p, nan,

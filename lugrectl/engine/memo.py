@@ -9,12 +9,11 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ...core.block_system import BlockSystem, own_functions
-from ...core.errors import InputError
-from ..expression.graph import symbols_in
-from ..tracing.network import Net
-from ..tracing.tracer import AGAIN, Differs, Hybrid, check, single, smooth_keys, traced_net
+from ..core.block_system import BlockSystem, own_functions
+from ..core.errors import InputError
 from .adaptive_run import Engine, chosen_backend
+from .graph import symbols_in
+from .tracer import AGAIN, Differs, Hybrid, Net, check, single, smooth_keys, traced_net
 
 PLAIN = (
     BlockSystem,

@@ -16,11 +16,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..expression.graph import Node, evaluate, rename
-from ..tracing.network import Net
-from ..tracing.tracer import Hybrid, Program, traced_net
 from .adaptive_run import Accuracy, Course, Engine, Now, Track
+from .graph import Node, evaluate, rename
 from .memo import ALONE
+from .tracer import Hybrid, Net, Program, traced_net
 
 SEGMENTS = 50_000  # of a run at most; a shorter delay stays an approximation
 HALVINGS = 24  # rounds of them in a segment at most
