@@ -12,8 +12,8 @@ import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..blocks.aliases import name_of
 from ..blocks.controllers import MEASURED
+from ..blocks.declaration import name_of
 from ..blocks.model import Model, as_model
 from ..blocks.observers import Gain, observer_block
 from ..core.display import Row, Shown, noticed

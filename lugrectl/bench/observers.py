@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.aliases import listed, meant
 from ..blocks.block import members, unit_for
 from ..blocks.controllers import MEASURED
+from ..blocks.declaration import listed, meant
 from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant

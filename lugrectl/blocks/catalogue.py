@@ -14,10 +14,8 @@ from ..core.errors import InputError
 from ..core.result import NamedRows, library, picked
 from ..core.validation import shown
 from . import DECLARING
-from . import effects as _effects  # noqa: F401  fills the registry
-from . import friction as _friction  # noqa: F401
-from .aliases import also_called, block_named, name_of
 from .block import Block, P, members
+from .declaration import also_called, block_named, name_of
 
 Listing = TypeVar("Listing", bound=Callable[..., "Catalogue"])
 WIDTH = 80  # columns of an entry as text

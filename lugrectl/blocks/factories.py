@@ -29,9 +29,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict
 
 from ..core.errors import InputError
 from ..core.validation import real
-from .aliases import block_named
 from .block import Block, is_ours
-from .declaration import block
+from .declaration import block, block_named
 from .friction import formed, lugre
 from .model import Model, Parameters, as_model
 

@@ -29,9 +29,8 @@ from ..core.validation import (
 )
 from ..core.writing import write_whole
 from . import effects as every_effect  # noqa: F401  fills the registry
-from .aliases import block_named, meant, name_of
 from .block import Block, P, is_ours, members, unit_for
-from .declaration import files_of_blocks, load_named
+from .declaration import block_named, files_of_blocks, load_named, meant, name_of
 from .friction import J as J_DECLARATION
 from .friction import formed, usual_values, written_form
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..blocks import AUTO
-from ..blocks.aliases import listed
 from ..blocks.block import members, unit_for
+from ..blocks.declaration import listed
 from ..blocks.model import Model, as_model, changed
 from ..core.blas_threads import one_blas_thread
 from ..core.deadline import within

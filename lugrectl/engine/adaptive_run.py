@@ -293,19 +293,13 @@ def chosen_outputs(program: Program, outputs: Sequence[str] | None) -> Program:
 
 def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:
     """The sampled block with an output or a state that is not a number."""
-    what = "a sampled signal is not a number"
-    states = [
-        (f"state {label} of block {part.block.name}", value)
-        for part, place in zip(net.parts, net.places, strict=True)
-        if part.sampled
-        for label, value in zip(part.block.state_labels or (), q[place], strict=False)
-    ]
-    parts = [(net.parts[i], j) for i, j in net.held]
-    outputs = [f"output {part.outputs[j]} of block {part.block.name}" for part, j in parts]
-    for label, value in [*zip(outputs, h, strict=True), *states]:
-        if not np.isfinite(value):
-            what = f"{label} is {value}"
-            break
+    outputs = [(net.parts[i].block, net.parts[i].outputs[j]) for i, j in net.held]
+    found = [(f"output {k} of block {b.name}", v) for (b, k), v in zip(outputs, h, strict=True)]
+    for part, place in zip(net.parts, net.places, strict=True):
+        labels = part.block.state_labels if part.sampled and part.nstates else ()
+        rows = zip(labels, q[place], strict=False)
+        found += [(f"state {k} of block {part.block.name}", v) for k, v in rows]
+    what = next((f"{k} is {v}" for k, v in found if not np.isfinite(v)), "a signal is no number")
     return f"{net.name}: {what} at t = {t:.6g} s."
 
 

@@ -368,26 +368,37 @@ _SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
 
 class Native:
     """The last function of a source text, compiled at its first call for the kinds of arguments:
-    floats, whole numbers, arrays in C order. ``flags`` other than PLAIN need :func:`has_wide`."""
+    floats, whole numbers, arrays in C order. ``flags`` other than PLAIN need :func:`has_wide`.
+    With a name, what cannot be compiled runs as plain Python."""
 
-    def __init__(self, source: str, flags: tuple[str, ...] = PLAIN) -> None:
-        self.source, self.flags = source, flags
+    def __init__(self, source: str, flags: tuple[str, ...] = PLAIN, name: str = "") -> None:
+        self.source, self.flags, self.name = source, flags, name
         self._lock, self._made = threading.Lock(), dict[tuple[Any, ...], Any]()
+        self._plain: Any = None
 
     def __call__(self, *arguments: Any) -> int:
+        if self._plain:
+            return self._plain(*arguments)
         forms = tuple(
             [(a.dtype, a.ndim) if isinstance(a, np.ndarray) else type(a) for a in arguments]
         )
-        passed = [part for i, a in enumerate(arguments) for part in _passed(i, a)]
         run = self._made.get(forms)
         if run is None:
-            kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
-            pairs = [(name, ", double" * (name == "pow")) for name in LIBRARY]
-            known = "\n".join(_KNOWN.format(*pair) for pair in pairs) if self.flags == WIDE else ""
-            with self._lock:
-                run = _loaded(c_code(self.source, kinds, known), kinds, self.flags)
-                self._made[forms] = run
-        return run(*passed)
+            try:
+                with self._lock:
+                    run = self._made[forms] = self._compiled(arguments)
+            except (OSError, InputError) as error:
+                if not self.name:
+                    raise
+                self._plain = getattr(_plain(self.source, self.name, error), self.name)
+                return self._plain(*arguments)
+        return run(*[part for i, a in enumerate(arguments) for part in _passed(i, a)])
+
+    def _compiled(self, arguments: Sequence[Any]) -> Any:
+        kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
+        pairs = [(name, ", double" * (name == "pow")) for name in LIBRARY]
+        known = "\n".join(_KNOWN.format(*pair) for pair in pairs) if self.flags == WIDE else ""
+        return _loaded(c_code(self.source, kinds, known), kinds, self.flags)
 
 
 @cache
@@ -538,7 +549,7 @@ def load(source: str, backend: str) -> ModuleType:
                 elif backend in FLAGS:
                     sys.modules[name] = module = ModuleType(name)
                     last = text.rpartition("\ndef ")[2].partition("(")[0]
-                    module.__dict__[last] = _OrPlain(Native(text, FLAGS[backend]), text, last)
+                    module.__dict__[last] = Native(text, FLAGS[backend], last)
                 else:
                     sys.modules[name] = _direct(text, name)
             except OSError as error:
@@ -579,24 +590,6 @@ def _direct(text: str, name: str) -> ModuleType:
     module = ModuleType(name)
     exec(compile(text, f"<{name}>", "exec"), module.__dict__)
     return module
-
-
-class _OrPlain:
-    """Compiled code at its first call; the same text in Python where no file can be written."""
-
-    def __init__(self, run: Any, text: str, name: str) -> None:
-        self.run, self.text, self.name, self.tried = run, text, name, False
-
-    def __call__(self, *arguments: Any) -> Any:
-        if self.tried:
-            return self.run(*arguments)
-        try:
-            result = self.run(*arguments)
-        except (OSError, InputError) as error:
-            self.run = getattr(_plain(self.text, self.name, error), self.name)
-            result = self.run(*arguments)
-        self.tried = True
-        return result
 
 
 def _plain(source: str, name: str, why: Exception) -> ModuleType:

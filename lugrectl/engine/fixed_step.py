@@ -320,5 +320,5 @@ PLAIN = {"abs", "sqrt", "tanh"}  # available in processors, or written by other 
 def is_wide(program: Program) -> bool:
     """Whether each operation of a program's step is available for several numbers at once."""
     nodes = reachable(trial(program).values())
-    calls = {OPS[n.op].scalar.partition("(")[0] for n in nodes if n.args}
+    calls = {OPS[n.op].partition("(")[0] for n in nodes if n.args}
     return {call for call in calls if call.isidentifier()} <= {*LIBRARY, *PLAIN}

@@ -15,30 +15,6 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 
-@dataclass(frozen=True)
-class Op:
-    """One operation: the NumPy function that defines it; code with ``{0}``, ``{1}`` for the
-    arguments, for floats (``math`` functions by bare name, as numba compiles them) and for arrays
-    (``np``); and ``partials(result, *arguments)``, the derivative for each argument, None for
-    zero. None instead of a function: the operation is a choice or piecewise constant."""
-
-    value: Callable[..., Any]
-    scalar: str
-    array: str
-    partials: Callable[..., tuple[Any, ...]] | None = None
-
-
-def _function(name: str, partial: Callable[[Any, Any], Any], scalar: str | None = None) -> Op:
-    """A function of one argument that ``math`` and NumPy provide."""
-    codes = f"{scalar or name}({{0}})", f"np.{name}({{0}})"
-    return Op(getattr(np, name), *codes, lambda result, a: (partial(result, a),))
-
-
-def _infix(function: Callable[..., Any], sign: str, partials: Any = None) -> Op:
-    code = f"{{0}} {sign} {{1}}"
-    return Op(function, code, code, partials)
-
-
 def _power_partials(result: Any, base: Any, exponent: Any) -> tuple[Any, Any]:
     """At a base of 0, where |w|^p has no slope for p < 1 and log has no value, both are 0."""
     if exponent.is_constant() and exponent.value >= 1.0:
@@ -49,52 +25,62 @@ def _power_partials(result: Any, base: Any, exponent: Any) -> tuple[Any, Any]:
     return slope, None if exponent.is_constant() else np.where(zero, 0.0, result * np.log(safe))
 
 
-def _sqrt_partial(result: Any, argument: Any) -> Any:
+def _sqrt_partial(result: Any, argument: Any) -> tuple[Any]:
     """0 at 0, as of a power below 1: there it has no slope."""
     zero = np.equal(result, 0.0)
-    return np.where(zero, 0.0, 0.5 / np.where(zero, 1.0, result))
+    return (np.where(zero, 0.0, 0.5 / np.where(zero, 1.0, result)),)
 
 
-OPS: dict[str, Op] = {
-    "add": _infix(np.add, "+", lambda r, a, b: (1.0, 1.0)),
-    "subtract": _infix(np.subtract, "-", lambda r, a, b: (1.0, -1.0)),
-    "multiply": _infix(np.multiply, "*", lambda r, a, b: (b, a)),
-    "divide": _infix(np.divide, "/", lambda r, a, b: (1.0 / b, -r / b)),
-    "negative": Op(np.negative, "-{0}", "-{0}", lambda r, a: (-1.0,)),
-    "power": Op(np.power, "pow({0}, {1})", "np.power({0}, {1})", _power_partials),
-    "exp": _function("exp", lambda r, a: r),
-    "expm1": _function("expm1", lambda r, a: r + 1.0),
-    "log": _function("log", lambda r, a: 1.0 / a),
-    "log1p": _function("log1p", lambda r, a: 1.0 / (1.0 + a)),
-    "log10": _function("log10", lambda r, a: 1.0 / (np.log(10.0) * a)),
-    "sqrt": _function("sqrt", _sqrt_partial),
-    "sin": _function("sin", lambda r, a: np.cos(a)),
-    "cos": _function("cos", lambda r, a: -np.sin(a)),
-    "tan": _function("tan", lambda r, a: 1.0 + r * r),
-    "sinh": _function("sinh", lambda r, a: np.cosh(a)),
-    "cosh": _function("cosh", lambda r, a: np.sinh(a)),
-    "tanh": _function("tanh", lambda r, a: 1.0 - r * r),
-    "arcsin": _function("arcsin", lambda r, a: 1.0 / np.sqrt(1.0 - a * a), "asin"),
-    "arccos": _function("arccos", lambda r, a: -1.0 / np.sqrt(1.0 - a * a), "acos"),
-    "arctan": _function("arctan", lambda r, a: 1.0 / (1.0 + a * a), "atan"),
-    "arctan2": Op(
-        np.arctan2,
-        "atan2({0}, {1})",
-        "np.arctan2({0}, {1})",
-        lambda r, a, b: (b / (a * a + b * b), -a / (a * a + b * b)),
-    ),
-    "absolute": _function("absolute", lambda r, a: np.sign(a), "abs"),
-    "sign": Op(np.sign, "(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))", "np.sign({0})"),
-    "floor": Op(np.floor, "floored({0})", "np.floor({0})"),
-    "maximum": Op(np.maximum, "({0} if {0} >= {1} or {0} != {0} else {1})", "np.maximum({0}, {1})"),
-    "minimum": Op(np.minimum, "({0} if {0} <= {1} or {0} != {0} else {1})", "np.minimum({0}, {1})"),
-    "where": Op(np.where, "({1} if {0} else {2})", "np.where({0}, {1}, {2})"),
-    "less": _infix(np.less, "<"),
-    "less_equal": _infix(np.less_equal, "<="),
-    "equal": _infix(np.equal, "=="),
-    "logical_and": Op(np.logical_and, "({0} and {1})", "np.logical_and({0}, {1})"),
-    "logical_or": Op(np.logical_or, "({0} or {1})", "np.logical_or({0}, {1})"),
-    "logical_not": Op(np.logical_not, "(not {0})", "np.logical_not({0})"),
+# operations by the name of the NumPy function that defines them: code for floats, with functions
+# of ``math`` by bare name, and the derivative for each argument, from the result and the arguments
+PLAIN = "exp expm1 log log1p log10 sqrt sin cos tan sinh cosh tanh".split()
+OPS: dict[str, str] = {name: f"{name}({{0}})" for name in PLAIN} | {
+    "add": "{0} + {1}",
+    "subtract": "{0} - {1}",
+    "multiply": "{0} * {1}",
+    "divide": "{0} / {1}",
+    "negative": "-{0}",
+    "power": "pow({0}, {1})",
+    "arcsin": "asin({0})",
+    "arccos": "acos({0})",
+    "arctan": "atan({0})",
+    "arctan2": "atan2({0}, {1})",
+    "absolute": "abs({0})",
+    "sign": "(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))",
+    "floor": "floored({0})",
+    "maximum": "({0} if {0} >= {1} or {0} != {0} else {1})",
+    "minimum": "({0} if {0} <= {1} or {0} != {0} else {1})",
+    "where": "({1} if {0} else {2})",
+    "less": "{0} < {1}",
+    "less_equal": "{0} <= {1}",
+    "equal": "{0} == {1}",
+    "logical_and": "({0} and {1})",
+    "logical_or": "({0} or {1})",
+    "logical_not": "(not {0})",
+}
+PARTIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
+    "add": lambda r, a, b: (1.0, 1.0),
+    "subtract": lambda r, a, b: (1.0, -1.0),
+    "multiply": lambda r, a, b: (b, a),
+    "negative": lambda r, a: (-1.0,),
+    "power": _power_partials,
+    "exp": lambda r, a: (r,),
+    "expm1": lambda r, a: (r + 1.0,),
+    "log": lambda r, a: (1.0 / a,),
+    "log1p": lambda r, a: (1.0 / (1.0 + a),),
+    "log10": lambda r, a: (1.0 / (np.log(10.0) * a),),
+    "sqrt": _sqrt_partial,
+    "sin": lambda r, a: (np.cos(a),),
+    "cos": lambda r, a: (-np.sin(a),),
+    "tan": lambda r, a: (1.0 + r * r,),
+    "sinh": lambda r, a: (np.cosh(a),),
+    "cosh": lambda r, a: (np.sinh(a),),
+    "tanh": lambda r, a: (1.0 - r * r,),
+    "arcsin": lambda r, a: (1.0 / np.sqrt(1.0 - a * a),),
+    "arccos": lambda r, a: (-1.0 / np.sqrt(1.0 - a * a),),
+    "arctan": lambda r, a: (1.0 / (1.0 + a * a),),
+    "arctan2": lambda r, a, b: (b / (a * a + b * b), -a / (a * a + b * b)),
+    "absolute": lambda r, a: (np.sign(a),),
 }
 
 WIDTH = 8  # numbers computed at once, if the processor supports it
@@ -197,7 +183,7 @@ def _method(name: str) -> Any:
     return lambda self: apply_ufunc(getattr(np, name), "__call__", (self,), {})
 
 
-_UNARY = [k for k, op in OPS.items() if isinstance(op.value, np.ufunc) and op.value.nin == 1]
+_UNARY = [k for k in OPS if getattr(getattr(np, k), "nin", 0) == 1]
 _UNARY += "ceil rint trunc square reciprocal fabs degrees radians deg2rad rad2deg".split()
 for _name in _UNARY:
     setattr(Symbolic, _name, _method(_name))
@@ -403,7 +389,7 @@ class Graph:
         nodes = tuple(a if isinstance(a, Node) else self.constant(a) for a in args)
         if all(a.op == "constant" for a in nodes):
             with np.errstate(all="ignore"):
-                return self.constant(OPS[op].value(*(a.value for a in nodes)))
+                return self.constant(getattr(np, op)(*(a.value for a in nodes)))
         simpler = SIMPLER[op](*nodes) if op in SIMPLER else None
         return self._node(op, nodes) if simpler is None else simpler
 
@@ -595,7 +581,7 @@ def evaluate(roots: Sequence[Node], values: Mapping[str, Any]) -> list[Any]:
 def _value(node: Node, args: Sequence[Any]) -> Any:
     if node.op == "call":
         return node.graph.called[node.value](*args)
-    return args[0][node.value] if node.op == "item" else OPS[node.op].value(*args)
+    return args[0][node.value] if node.op == "item" else getattr(np, node.op)(*args)
 
 
 def derivatives(roots: Sequence[Node], variable: Node) -> list[Node]:
@@ -617,12 +603,11 @@ def _chain(node: Node, inner: list[Node], zero: Node) -> Node:
     if node.op in CHOICES:
         condition, _, _ = CHOICES[node.op](*node.args)
         return node.graph.make("where", condition, *inner[-2:])
-    partials = OPS[node.op].partials
-    if partials is None:
-        return zero
     if node.op == "divide":  # (a' - (a/b) b') / b: one division
         return (inner[0] - node * inner[1]) / node.args[1]
-    outer = partials(node, *node.args)
+    if node.op not in PARTIALS:
+        return zero
+    outer = PARTIALS[node.op](node, *node.args)
     return node.graph.total(
         o * s for o, s in zip(outer, inner, strict=True) if o is not None and s is not zero
     )

@@ -78,9 +78,9 @@ class Emitter:
             return f"called[{node.value}]({', '.join(['{}'] * len(node.args))})"
         if node.op == "item":
             return f"{{}}[{node.value}]"
-        op = OPS[node.op]
-        template = op.array if self.kind == "array" else op.scalar
-        return _OWN.get((self.kind, node.op), template)
+        if self.kind == "array":
+            return f"np.{node.op}({', '.join(['{}'] * len(node.args))})"
+        return _OWN.get((self.kind, node.op), OPS[node.op])
 
 
 class Section:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks import controllers
-from ..blocks.aliases import meant, name_of
 from ..blocks.block import Block, members
+from ..blocks.declaration import meant, name_of
 from ..blocks.model import Model, as_model
 from ..blocks.observers import believed, observer, observer_block
 from ..blocks.sliding_control import sliding_error
