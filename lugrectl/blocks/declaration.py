@@ -401,12 +401,8 @@ def listed(kind: str, given: Any) -> Any:
 
 
 def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
-    """The registered block that a name means; an effect may be called by a common name, an
-    observer without ``_observer``.
-
-    A registered name goes first, so a user's own effect ``cogging`` is not ``torque_ripple``. The
-    sentence of the error starts with ``where`` and calls the kind ``what``.
-    """
+    """The registered block that a name means: its own first, a common name of an effect, or the
+    name without its kind. The error starts with ``where`` and calls the kind ``what``."""
     known, name = members(kind), name_of(kind, name)
     if isinstance(name, str) and name in known:
         return known[name]

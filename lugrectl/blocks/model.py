@@ -111,7 +111,7 @@ def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> No
             raise InputError(f"{where}: unknown key '{key}'; {meant(key, known)}")
 
 
-def holding(
+def _holding(
     values: Mapping[str, float | None],
     before: Mapping[str, Stated],
     names: Iterable[Any],
@@ -340,7 +340,7 @@ class Model(Shown):
         ``"gravity.phase"`` is one value of an effect, ``"gravity"`` all of them. InputError for a
         name that the model does not have, or a value that is not declared; it starts with ``what``.
         """
-        made = replace(self, stated=holding(self.values(), self.stated, names, what))
+        made = replace(self, stated=_holding(self.values(), self.stated, names, what))
         refuse_crossed(made.values(), made.stated, what)
         return made
 
@@ -628,11 +628,8 @@ def write_model(model: Model, path: str | Path) -> None:
 def model_toml(
     model: Model, folder: Path | None = None, known: Mapping[str, str] | None = None
 ) -> str:
-    """The model file's text, with the unit of each value as a comment, and what is ``known`` of it.
-
-    Files with blocks of the user's own are named as seen from the folder of the model file, if
-    it is given.
-    """
+    """The model file's text, with the unit of each value as a comment, and what is ``known`` of it;
+    files with blocks of the user's own are named as seen from the folder of the model file."""
     data, declared, known = model.to_dict(stated=True), model.declarations(), known or {}
 
     def rows(values: Mapping[str, Any], prefix: str = "") -> list[str]:
@@ -720,11 +717,8 @@ def _from_dict(given: Mapping[Any, Any], what: str) -> Model:
 
 
 def changed(given: Any, changes: Mapping[str, Any], what: str) -> Model:
-    """The model ``given``, {} for one of which nothing is known, with other values by name.
-
-    ``J``, ``name``, ``motion``, ``friction`` (the law), ``effects`` (added to those that it has);
-    anything else is a parameter of the law.
-    """
+    """The model ``given``, {} for one of which nothing is known, with other values by name: ``J``,
+    ``name``, ``motion``, the law ``friction``, more ``effects``, parameters of the law."""
     data = as_model(given).to_dict(stated=True)
     changes = {k: v for k, v in changes.items() if v is not None}
     data |= {k: changes.pop(k) for k in ("name", "motion") if k in changes}

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.errors import Diverged, InputError
+from ..core.errors import Diverged
 from .adaptive_step import run_code
 from .backend import call, compiler, kind_of, laid_out, load, load_steps
 from .graph import Node, symbols_in
@@ -60,14 +60,6 @@ def bounded(
             raise Diverged(said + (SIGN if looped else ""))
 
 
-def no_bound(name: str, states: Sequence[str], status: np.ndarray) -> Diverged:
-    """Return the error of generated code that gives up at a state and a time."""
-    return Diverged(
-        f"{name}: state {states[int(status[2])]} grows without bound, is not a number, or changes "
-        f"faster than steps can follow, at t = {status[1]:.6g} s."
-    )
-
-
 def first_bad(t: np.ndarray, y: np.ndarray) -> tuple[int, int, str] | None:
     """Return row, sample and "nan at t = 1 s" of the earliest value that is not finite."""
     if np.isfinite(y).all():
@@ -87,25 +79,23 @@ def warn_unsettled(name: str, when: float, stacklevel: int) -> None:
         )
 
 
-class Chatter:
+def chatter(name: str, seconds: float) -> Callable[[float, np.ndarray], float]:
     """An event function for ``solve_ivp`` that never occurs: it sees every step, and raises
     Diverged where a comparison in a block holds the solver at one time."""
+    seen: list[float] = [-np.inf]
 
-    terminal = False
-
-    def __init__(self, name: str, seconds: float) -> None:
-        self.name, self.least, self.steps, self.begun = name, LITTLE * seconds, 0, -np.inf
-
-    def __call__(self, t: float, x: np.ndarray) -> float:
-        self.steps += 1
-        if self.steps % STEPS == 0:
-            if t - self.begun < self.least:
+    def event(t: float, x: np.ndarray) -> float:
+        seen.append(t)
+        if len(seen) > STEPS:
+            if t - seen[0] < LITTLE * seconds:
                 raise Diverged(
-                    f"{self.name}: a comparison (an if) in a block switches without end near "
+                    f"{name}: a comparison (an if) in a block switches without end near "
                     f"t = {t:.6g} s: write np.where for it, or np.tanh(x/eps) for a sign."
                 )
-            self.begun = t
+            seen[:] = [t]
         return 1.0
+
+    return event
 
 
 @dataclass(frozen=True)
@@ -119,11 +109,6 @@ class Accuracy:
     def floor(self) -> float:
         """The value of a state below which its error is absolute."""
         return 1e-9 if self.atol is None else float(self.atol) / float(self.rtol)
-
-    @property
-    def scipy(self) -> dict[str, float]:
-        """The options of ``solve_ivp``."""
-        return {"rtol": self.rtol, "atol": 1e-4 * self.rtol if self.atol is None else self.atol}
 
 
 @dataclass(frozen=True)
@@ -176,9 +161,6 @@ class Now:
     def start(cls, x: Any, q: Any, held: int) -> Now:
         x, q = np.array(x, dtype=float), np.array(q, dtype=float)
         return cls(x, q, np.zeros(held), np.zeros(3 * len(x)))
-
-    def copy(self) -> Now:
-        return Now(self.x.copy(), self.q.copy(), self.h.copy(), self.sizes.copy())
 
 
 def chosen_backend() -> str:
@@ -258,7 +240,10 @@ class Engine:
         filled = [now.x, now.q, now.h, now.sizes, x, q, y, status]
         code = call(self._runs[backend], backend, laid_out(given, backend), filled)
         if code == 1:
-            raise no_bound(self.name, self.states, status)
+            raise Diverged(
+                f"{self.name}: state {self.states[int(status[2])]} grows without bound, is not a "
+                f"number, or changes faster than steps can follow, at t = {status[1]:.6g} s."
+            )
         if code == 2:
             raise Diverged(not_finite(self.net, now.q, now.h, status[1]))
         return Track(x, q, y, float(status[3]), int(status[4]))
@@ -279,18 +264,6 @@ class Engine:
         return "python" if plain else compiler() or "python"
 
 
-def chosen_outputs(program: Program, outputs: Sequence[str] | None) -> Program:
-    """The program with these outputs alone, in this order; None: all."""
-    if outputs is None:
-        return program
-    unknown = [name for name in outputs if name not in program.outputs]
-    if unknown:
-        has = ", ".join(program.outputs) or "none"
-        raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {has}.")
-    y = tuple(program.y[program.outputs.index(name)] for name in outputs)
-    return replace(program, outputs=tuple(outputs), y=y)
-
-
 def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:
     """The sampled block with an output or a state that is not a number."""
     outputs = [(net.parts[i].block, net.parts[i].outputs[j]) for i, j in net.held]
@@ -303,15 +276,9 @@ def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:
     return f"{net.name}: {what} at t = {t:.6g} s."
 
 
-Advance = Callable[[np.ndarray, np.ndarray, Now], tuple[np.ndarray, float]]
-
-
 class Called:
-    """A net evaluated by its blocks' own functions, connected as the traced ones are.
-
-    ``method`` is one of ``scipy.integrate.solve_ivp`` for the flow; None: the traced flow, with a
-    TraceError if it cannot be traced.
-    """
+    """A net evaluated by its blocks' own functions; ``method`` is one of ``solve_ivp`` for the
+    flow, None: the traced flow, with a TraceError if it cannot be traced."""
 
     def __init__(
         self, net: Net, params: Mapping[str, Any] | None = None, method: str | None = None
@@ -340,13 +307,18 @@ class Called:
         return partial(found, flow.arguments(self.params).tolist(), flow.graph.called)
 
     def follow(self, course: Course, x: np.ndarray, q: np.ndarray, accuracy: Accuracy) -> Track:
-        """As :meth:`Engine.follow`."""
+        """As :meth:`Engine.follow`; SciPy integrates in one run where that can be."""
+        now, net, unsettled = Now.start(x, q, len(self.net.held)), self.net, np.nan
+        event = chatter(net.name, course.grid[-1] - course.grid[0])
+        atol = 1e-4 * accuracy.rtol if accuracy.atol is None else accuracy.atol
+        options = {"method": self.method or "LSODA", "rtol": accuracy.rtol, "atol": atol}
+        options |= {"events": event}
+        ticks, last, rows, whole = course.ticks, len(course.grid) - 1, ([], [], []), None
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             # LSODA warns of convergence; the error names state and time
             warnings.filterwarnings("ignore", "lsoda", UserWarning)
-            now, net = Now.start(x, q, len(self.net.held)), self.net
-            advance, ticks, unsettled = self._advance(course, now, accuracy), course.ticks, np.nan
-            rows: list[list[Any]] = [[], [], []]
+            if last and len(x) and not (self.engine or net.groups or course.hold):
+                whole = self._solved(course, now, options)
             for k, t in enumerate(course.grid):
                 u, before = course.given[:, k], now.h.copy()
                 rows[1].append(now.q.copy())
@@ -357,46 +329,29 @@ class Called:
                         raise Diverged(not_finite(net, now.q, now.h, t))
                 rows[0].append(now.x.copy())
                 rows[2].append(self._shown(t, now.x, [*u, *now.h], before))
-                if k + 1 < len(course.grid) and len(now.x):
-                    now.x[:], relay = advance(
-                        course.grid[k : k + 2], course.given[:, k : k + 2], now
-                    )
+                if k == last or not len(x):
+                    continue
+                part = Course.along(
+                    course.grid[k : k + 2], course.given[:, k : k + 2], 0, course.hold
+                )
+                if whole is not None:
+                    now.x[:] = whole[:, k + 1]
+                elif self.engine is None:
+                    now.x[:] = self._solved(part, now, options)[:, -1]
+                else:
+                    p, moved = self.engine.program.arguments(self.params), replace(now, q=q[:0])
+                    relay = self.engine.run(part, moved, p, accuracy).unsettled
                     unsettled = relay if np.isnan(unsettled) else unsettled
-        x, q, y = (np.reshape(part, (len(course.grid), -1)).T for part in rows)
+        x, q, y = (np.reshape(part, (last + 1, -1)).T for part in rows)
         return Track(x, q, y, unsettled).at(course.kept)
 
-    def _advance(self, course: Course, now: Now, accuracy: Accuracy) -> Advance:
-        """How to step the states: by the traced flow, or by SciPy, in one run where that can be."""
-        if self.engine is not None:
-            engine, none = self.engine, np.zeros(0)
-            p = engine.program.arguments(self.params)
-
-            def traced(t: np.ndarray, given: np.ndarray, now: Now) -> tuple[np.ndarray, float]:
-                part, flags = Now(now.x.copy(), none, now.h, now.sizes), np.zeros((0, 2))
-                track = engine.run(Course(t, given, flags, course.hold), part, p, accuracy)
-                return part.x, track.unsettled
-
-            return traced
-        chatter = Chatter(self.net.name, course.grid[-1] - course.grid[0])
-        options: Any = {"method": self.method or "LSODA", **accuracy.scipy, "events": chatter}
-
-        def called(t: np.ndarray, given: np.ndarray, now: Now) -> tuple[np.ndarray, float]:
-            return self._solved(t, given, now, course.hold, options)[:, -1], np.nan
-
-        if self.net.groups or course.hold or len(course.grid) < 2 or not len(now.x):
-            return called
-        columns = iter(self._solved(course.grid, course.given, now, False, options).T[1:])
-        return lambda *_: (next(columns), np.nan)
-
-    def _solved(
-        self, t: np.ndarray, given: np.ndarray, now: Now, hold: bool, options: Any
-    ) -> np.ndarray:
-        """States (n, N) at the times, for inputs (m, N), linear or held."""
-        last = len(t) - 2
+    def _solved(self, course: Course, now: Now, options: Any) -> np.ndarray:
+        """States (n, N) at the times of a course."""
+        t, given, last = course.grid, course.given, len(course.grid) - 2
 
         def rates(time: float, x: np.ndarray) -> list[float]:
             k = min(int(np.searchsorted(t[1:], time, side="right")), last)
-            share = 0.0 if hold else (time - t[k]) / (t[k + 1] - t[k])
+            share = 0.0 if course.hold else (time - t[k]) / (t[k + 1] - t[k])
             u = given[:, k] + share * (given[:, k + 1] - given[:, k])
             return self._rates(time, x, [*u, *now.h])
 

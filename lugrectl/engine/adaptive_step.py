@@ -202,8 +202,7 @@ def _at_zero(gain: Node, lead: Node) -> bool:
 # through an interval is ended.
 #
 # At the start of a step all jumps at zero rest; of those whose weight is outside (0, 1), the
-# farthest outside is released, until there is none. What keeps the switching function of a rest
-# from zero is removed from the states.
+# farthest outside is released, until there is none.
 #
 # The error of a state counts relative to its size s: its value, or what it was a short time ago.
 # s is the largest value until the state is below half of s; then s decreases by the factor e in

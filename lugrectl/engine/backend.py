@@ -33,7 +33,7 @@ import numpy as np
 
 from ..core.blas_threads import processors
 from ..core.errors import InputError
-from ..core.writing import whole as written_whole
+from ..core.writing import whole
 from .graph import LIBRARY, WIDTH
 from .python_source import ARRAY_HEADER, SCALAR_HEADER
 
@@ -41,12 +41,8 @@ from .python_source import ARRAY_HEADER, SCALAR_HEADER
 def cache_dir() -> Path:
     """The directory of generated code: $LUGRECTL_CACHE, else the user's cache directory; where
     others can write to it one beside it, where none can be written a temporary one."""
-    if os.name == "nt":
-        base = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    usual = "LOCALAPPDATA" if os.name == "nt" else "XDG_CACHE_HOME"
+    base = os.environ.get(usual) or Path.home() / ".cache"
     return _usable(os.environ.get("LUGRECTL_CACHE") or str(Path(base) / "lugrectl"))
 
 
@@ -72,11 +68,6 @@ def _usable(wanted: str) -> Path:
     return temporary()
 
 
-def whole(path: Path) -> contextlib.AbstractContextManager[Path]:
-    """A temporary file that is renamed at the end: other processes see all of it or nothing."""
-    return written_whole(path, 0o600)
-
-
 def in_cache(make: Callable[[Path], Path]) -> Path:
     """A file made in the cache, in a temporary directory where the disk is full."""
     try:
@@ -90,7 +81,7 @@ def keep(path: Path, text: str) -> Path:
     with contextlib.suppress(OSError, UnicodeDecodeError):
         if path.read_text(encoding="utf-8") == text:
             return path
-    with whole(path) as part:
+    with whole(path, 0o600) as part:
         part.write_text(text, encoding="utf-8")
     return path
 
@@ -166,9 +157,6 @@ class _Unit:
         given = {a.arg: kind for a, kind in zip(function.args.args, kinds, strict=True)}
         writer = _Writer(given, self)
         body = writer.block(function.body, 1)
-        while writer.promoted:  # an integer variable later holds a double: again with it
-            writer = _Writer(given, self, writer.kinds)
-            body = writer.block(function.body, 1)
         own = [
             f"    {_TYPES[v.of]} {'*' if v.shape else ''}{k}_;"
             for k, v in writer.kinds.items()
@@ -196,11 +184,8 @@ def lengths(place: int, axes: int) -> tuple[str, ...]:
 class _Writer:
     """Writes statements and expressions; keeps the kinds of the names seen so far."""
 
-    def __init__(
-        self, given: Mapping[str, Kind], unit: _Unit, known: Mapping[str, Kind] | None = None
-    ) -> None:
-        self.kinds: dict[str, Kind] = {**given, **(known or {})}
-        self.unit, self.promoted, self.returned = unit, False, WHOLE
+    def __init__(self, given: Mapping[str, Kind], unit: _Unit) -> None:
+        self.kinds, self.unit, self.returned = dict(given), unit, WHOLE
 
     def block(self, statements: list[ast.stmt], depth: int) -> list[str]:
         """Lines of C, indented."""
@@ -281,9 +266,8 @@ class _Writer:
         return [*lines, f"{name}_ = {room};"]
 
     def _keep(self, name: str, kind: Kind) -> None:
-        before = self.kinds.get(name, kind)
-        self.promoted |= before == WHOLE and kind == NUMBER
-        self.kinds[name] = NUMBER if NUMBER in (before, kind) else kind
+        if self.kinds.setdefault(name, kind) == WHOLE and kind == NUMBER:
+            raise ValueError(f"cannot be translated to C: {name} is a whole number at first")
 
     def of(self, node: ast.expr) -> Value:
         """An expression and its kind."""
@@ -466,7 +450,7 @@ def _made(path: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ..
         keep(path, text)
         _build([*compiler, *flags], path, made)
         place, digest = _seal(made)
-        with whole(place) as part:
+        with whole(place, 0o600) as part:
             part.write_text(digest)
     return made
 
@@ -485,7 +469,7 @@ def _compiler() -> tuple[str, ...]:
 
 
 def _build(command: Sequence[str], path: Path, made: Path) -> None:
-    with whole(made) as part:
+    with whole(made, 0o600) as part:
         command = [*command, "-o", str(part), str(path), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace")
         if done.returncode:
@@ -622,9 +606,7 @@ def threads() -> int:
     if getattr(_THREAD, "alone", False):
         return 1
     asked = os.environ.get("NUMBA_NUM_THREADS", "")
-    if asked.isdigit():
-        return max(1, int(asked))
-    return processors()
+    return max(1, int(asked)) if asked.isdigit() else processors()
 
 
 def alone() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,6 @@ import numpy as np
 
 from ..core.bare_system import BareSystem
 from ..core.errors import InputError
-from .adaptive_run import chosen_outputs
 from .backend import call, compiler, each_beside, has_wide, kind_of, laid_out, load, threads
 from .fixed_step import is_wide, lane_code
 from .graph import WIDTH
@@ -24,13 +24,10 @@ LEAST_WIDE = 4  # from this many lanes on a block is faster than one lane after 
 
 
 class Lanes:
-    """Many fixed-step runs (lanes) of one traced system along one record.
+    """Many fixed-step runs (lanes) of one continuous system along one record.
 
-    The system, a block or an interconnection in continuous time, is traced once, as it is now;
-    TraceError where that cannot be. tanh(x/p) of a state x is sign(x) where the default of p only
-    smooths it. ``backend`` is "c", "numba", "python", or None: the first one available; "c"
-    computes several lanes at once if compiler, processor and library support it. ``outputs`` are
-    the requested ones in order, None for all; ``defaults`` the values of ``parameters``.
+    tanh(x/p) of a state x is sign(x) where the default of p only smooths it. ``backend`` is "c",
+    which computes several lanes at once if it can, "numba", "python", or None: the first one there.
     """
 
     def __init__(
@@ -41,7 +38,13 @@ class Lanes:
         outputs: Sequence[str] | None = None,
     ) -> None:
         self.backend = backend or compiler() or "python"
-        program = chosen_outputs(trace(system), outputs)
+        program = trace(system)
+        outputs = program.outputs if outputs is None else tuple(outputs)
+        if unknown := [name for name in outputs if name not in program.outputs]:
+            has = ", ".join(program.outputs) or "none"
+            raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {has}.")
+        y = tuple(program.y[program.outputs.index(name)] for name in outputs)
+        program = replace(program, outputs=outputs, y=y)
         self.program = program.sharpened(of=program.x)
         self.states, self.inputs = self.program.states, self.program.inputs
         self.outputs, self.parameters = self.program.outputs, self.program.parameters
@@ -84,12 +87,8 @@ class Lanes:
         At each sample its state is corrected by ``gain @ (y - output)``, where y (N, ny) is given
         and not nan, then integrated over dt in ``substeps`` equal steps with the input held.
         ``rounding`` (N, ny) and (ny,) are the part of a correction to leave out, and the size up to
-        which: samples that repeat one rounded value count as one.
-
-        L-stable Rosenbrock steps of order 4. A step ends where a state reaches zero whose own rate
-        contains its sign; one with an error above ``rtol`` of the largest value of a state in the
-        lane, at least ``floor``, is divided (inf: never). A lane that diverges ends in inf or nan.
-        As a function of the parameters a result has noise of about 1e-7 of its range.
+        which. A step with an error above ``rtol`` of the largest value of a state in the lane, at
+        least ``floor``, is divided (inf: never). A lane that diverges ends in inf or nan.
         """
         x0, p, u = (np.asarray(a, dtype=float) for a in (x0, p, u if np.ndim(u) == 3 else [u]))
         count, ny, wanted = len(x0), len(self.outputs), (self.states, self.parameters, self.inputs)

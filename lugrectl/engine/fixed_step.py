@@ -8,13 +8,22 @@ at zero (Filippov, Differential Equations with Discontinuous Righthand Sides, 19
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from .graph import COMPARISONS, LIBRARY, OPS, Node, reachable, rename, substitute, symbols_in
+from .graph import (
+    COMPARISONS,
+    LIBRARY,
+    OPS,
+    Node,
+    reachable,
+    rename,
+    substitute,
+    symbols_in,
+    where,
+)
 from .python_source import Section, numbered, written
 from .rosenbrock import Equations, step
 from .tracer import Program
@@ -73,33 +82,33 @@ def relays(program: Program) -> tuple[list[Node], list[Relay]]:
     share of the step."""
     graph = program.graph
     rates = average_jumps(program.xdot, {node.value for node in program.p})
-    places, signs = [], dict[int, Node]()
-    for i, x in enumerate(program.x):
-        jumps = {node.index: of for node, of in _jumps(x)}
-        if any(node.index in jumps for node in reachable([rates[i]])):
-            places.append(i)
-            side = graph.symbol(f"side{i}")
-            signs |= {index: of(side) for index, of in jumps.items()}
-    rates = substitute(rates, lambda node, args: signs.get(node.index))
+    own = [any(_jumps(n, x) for n in reachable([r])) for x, r in zip(program.x, rates, strict=True)]
+    places = [i for i, jumps in enumerate(own) if jumps]
+    sides = {program.x[i].index: graph.symbol(f"side{i}") for i in places}
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        x = next((a for a in node.args if a.index in sides and _jumps(node, a)), None)
+        if x is None:
+            return None
+        given = [sides[x.index] if a is x else a for a in node.args]
+        return given[0] if node.op == "sign" else graph.make(node.op, *given)
+
+    rates = substitute(rates, rule)
     every = [_relay(program, rates, i, places) for i in places]
     for i in places:
         rates[i] = abs(graph.symbol(f"side{i}")) * rates[i]
     return rates, every
 
 
-def _jumps(x: Node) -> list[tuple[Node, Callable[[Node], Node]]]:
-    """What jumps where x passes zero, and how it follows from the sign of x."""
-    make = x.graph.make
-    made = [(_sign(x), lambda side: side)]
-    for op in sorted(COMPARISONS):
-        made.append((make(op, x, 0.0), lambda side, op=op: make(op, side, 0.0)))
-        made.append((make(op, 0.0, x), lambda side, op=op: make(op, 0.0, side)))
-    return made
+def _jumps(node: Node, x: Node) -> bool:
+    """Whether a node jumps where x passes zero."""
+    compared = node.op in COMPARISONS and any(a.is_constant(0.0) for a in node.args)
+    return (node.op == "sign" or compared) and any(a is x for a in node.args)
 
 
 def _relay(program: Program, rates: Sequence[Node], place: int, places: Sequence[int]) -> Relay:
     graph, x = program.graph, program.x
-    others = {graph.symbol(f"side{j}").index: _sign(x[j]) for j in places if j != place}
+    others = {graph.symbol(f"side{j}").index: np.sign(x[j]) for j in places if j != place}
     others[x[place].index] = graph.constant(0.0)
     own = graph.symbol(f"side{place}").index
     sides = [others | {own: graph.constant(way)} for way in (1.0, -1.0)]
@@ -109,22 +118,6 @@ def _relay(program: Program, rates: Sequence[Node], place: int, places: Sequence
     held = where(up > 0.0, 1.0, where(down < 0.0, -1.0, 0.0))
     side = where(x[place] > 0.0, 1.0, where(x[place] < 0.0, -1.0, held))
     return Relay(place, up, down, side, not symbols_in([up, down]) <= still)
-
-
-def _sign(x: Node) -> Node:
-    return x.graph.make("sign", x)
-
-
-def where(condition: Node, yes: Any, no: Any) -> Node:
-    return condition.graph.make("where", condition, yes, no)
-
-
-def larger(a: Node, b: Any) -> Node:
-    return a.graph.make("maximum", a, b)
-
-
-def smaller(a: Node, b: Any) -> Node:
-    return a.graph.make("minimum", a, b)
 
 
 def trial(program: Program) -> dict[str, Node]:
@@ -139,7 +132,7 @@ def trial(program: Program) -> dict[str, Node]:
     new, errors = step(Equations(graph, program.t, program.x, program.u, rates))
     scales = [graph.symbol(f"s{i}") for i in range(len(new))]
     error = graph.total(
-        abs(e) / larger(scale, abs(n)) for e, scale, n in zip(errors, scales, new, strict=True)
+        abs(e) / np.maximum(scale, abs(n)) for e, scale, n in zip(errors, scales, new, strict=True)
     )
     error = error + graph.total(_slip(program, r, new, scales[r.place]) for r in every)
     error = where(abs(graph.total(program.x)) < np.inf, error, 0.0)
@@ -147,16 +140,16 @@ def trial(program: Program) -> dict[str, Node]:
     back, share, landed = graph.constant(0.0), graph.constant(1.0), graph.constant(0.0)
     for relay in every:
         over, lands = _at_zero(program, relay, new[relay.place], scales[relay.place])
-        share, landed = smaller(share, over), larger(landed, lands)
+        share, landed = np.minimum(share, over), np.maximum(landed, lands)
         new[relay.place] = where(lands > 0.0, 0.0, new[relay.place])
     if every:
         back = where(share < 1.0, where(h > SHORTEST * shortest, good, 0.0), 0.0)
         good = good - back
-    growth = 0.8 * np.sqrt(np.sqrt(rtol / larger(error, 1e-30)))  # pyright: ignore
-    growth = where(np.equal(growth, growth), smaller(larger(growth, 0.1), 5.0), 0.1)  # pyright: ignore
+    growth = 0.8 * np.sqrt(np.sqrt(rtol / np.maximum(error, 1e-30)))
+    growth = where(np.equal(growth, growth), np.minimum(np.maximum(growth, 0.1), 5.0), 0.1)
     rest = where(good > 0.0, left - h, left)
     whole = graph.make("logical_or", spent + 1.0 > graph.symbol("most"), landed > 0.0)
-    longer = smaller(rest, h * where(back > 0.0, share, growth))
+    longer = np.minimum(rest, h * where(back > 0.0, share, growth))
     made = {
         "t": where(good > 0.0, t + h, t),
         "left": rest,
@@ -175,7 +168,7 @@ def _at_zero(program: Program, relay: Relay, new: Node, scale: Node) -> tuple[No
     """The part of a step that ends where a state reaches zero, and whether (1.0) it ends there."""
     graph, side = program.graph, program.graph.symbol(f"side{relay.place}")
     before, now = side * program.x[relay.place], side * new
-    near = ZERO * larger(scale, before)
+    near = ZERO * np.maximum(scale, before)
     jumps = (relay.down - relay.up) * graph.symbol("dt") > near
     part = where(before > near, before / (before - now), AGAIN)
     over = graph.make("logical_and", jumps, now < -near)
@@ -192,9 +185,9 @@ def _slip(program: Program, relay: Relay, new: Sequence[Node], scale: Node) -> N
     later = {x.index: n for x, n in zip(program.x, new, strict=True)}
     later |= {program.t.index: end, graph.symbol("begin").index: end}
     up, down = rename([relay.up, relay.down], later)
-    pull = graph.symbol("h") * larger(larger(up, -down), 0.0)
+    pull = graph.symbol("h") * np.maximum(np.maximum(up, -down), 0.0)
     missed = HELD * where(abs(side) > 0.0, 0.0, pull)
-    return missed / larger(scale, side * program.x[relay.place])
+    return missed / np.maximum(scale, side * program.x[relay.place])
 
 
 # each place takes the next lane as soon as its own is done; none waits for another. A place without

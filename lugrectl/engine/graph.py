@@ -613,12 +613,6 @@ def _chain(node: Node, inner: list[Node], zero: Node) -> Node:
     )
 
 
-def jacobian(roots: Sequence[Node], variables: Sequence[Node]) -> list[list[Node]]:
-    """Rows are roots, columns variables."""
-    columns = [derivatives(roots, v) for v in variables]
-    return [list(row) for row in zip(*columns, strict=True)] if variables else [[] for _ in roots]
-
-
 @dataclass(frozen=True)
 class Form:
     """offset + sum of slopes times symbols; ``slopes`` by the symbol's index, zeros left out."""

@@ -9,19 +9,13 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..core.block_system import BlockSystem, own_functions
+from ..core.block_system import PICKLED, own_functions
 from ..core.errors import InputError
 from .adaptive_run import Engine, chosen_backend
 from .graph import symbols_in
 from .tracer import AGAIN, Differs, Hybrid, Net, check, single, smooth_keys, traced_net
 
-PLAIN = (
-    BlockSystem,
-    ct.NonlinearIOSystem,
-    ct.StateSpace,
-    ct.InterconnectedSystem,
-    ct.LinearICSystem,
-)
+PLAIN = (*PICKLED, ct.LinearICSystem)
 
 
 def described(system: Any, *, by_trace: bool = True) -> Any:
@@ -112,18 +106,13 @@ def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Engine:
         hybrid.check(*([AGAIN] if before else []))
         _no_unknown(hybrid, given)
         engine = Engine(sharp, backend) if before is None else before.of(sharp)
-        _keep(key, engine)
-        if None not in plain and not hybrid.flow.fixed:
-            _keep(known, engine)
+        steady = None not in plain and not hybrid.flow.fixed
+        for kept in (key, known) if steady else (key,):
+            _traced.pop(kept, None)  # it is the youngest; the oldest go
+            _traced[kept] = engine
+        for old in [*_traced][:-MOST]:
+            del _traced[old]
         return engine
-
-
-def _keep(key: Any, value: Engine) -> None:
-    """Enter a value as the youngest; the oldest go."""
-    _traced.pop(key, None)
-    _traced[key] = value
-    for old in [*_traced][:-MOST]:
-        del _traced[old]
 
 
 def _no_unknown(hybrid: Hybrid, given: Mapping[str, Any]) -> None:

@@ -31,8 +31,7 @@ _NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
 
 
 class Emitter:
-    """Writes each node once: nodes that depend on ``fixed`` symbols only, which do not change
-    inside the loop for which the code is written, go into ``head``.
+    """Writes each node once, what depends on ``fixed`` symbols only into ``head``.
 
     ``kind`` is "scalar", "array", or "wide": for floats, in a form that can be vectorised.
     ``prefix`` begins the names of the variables.
@@ -131,11 +130,7 @@ class Section:
 
 
 def reciprocals(roots: Sequence[Node]) -> list[Node]:
-    """The roots with a (1/b) in place of a/b: equal except for rounding.
-
-    For compiled code: 1/b is shared, moves out of the loop if b does not change, and can be
-    computed before a is known.
-    """
+    """The roots with a (1/b) in place of a/b: 1/b is shared and moves out of the loop."""
 
     def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
         plain = node.op != "divide" or args[0].is_constant(1.0)

@@ -1,9 +1,8 @@
 """Derives the equations of python-control systems by calling their own functions on symbols.
 
-The blocks' update and output functions run once, through python-control's own connections, with
-symbolic scalars in place of numbers. Numeric parameters remain arguments; anything else that a
-function reads has its value at the time of tracing. A net has a flow between updates (ticks), and
-the updates; a system alone is a net of one part. A trace is compared with the system itself.
+Each function runs once, with symbolic scalars for its signals and numeric parameters; anything else
+that it reads has its value of now. What the blocks read of each other is put in afterwards. A net
+has a flow between updates (ticks), and the updates; a system alone is a net of one part.
 """
 
 from __future__ import annotations
@@ -374,12 +373,9 @@ def traced_net(
     exact: Sequence[int] = (),
     called: bool = False,
 ) -> Hybrid:
-    """The equations of a net, not yet checked: :meth:`Hybrid.check`.
-
-    Without ``ticks`` the sampled parts are not traced. The states ``exact`` are delayed signals.
-    With ``called`` all update functions, and the output functions that cannot be traced, are
-    called as they are.
-    """
+    """The equations of a net, not yet checked: :meth:`Hybrid.check`. The states ``exact`` are
+    delayed signals. With ``called`` all update functions, and the output functions that cannot be
+    traced, are called as they are."""
     for part in net.parts:
         part.block._update_params(params)
     return _Tracer(net, exact, called).hybrid(ticks and net.groups > 0)
@@ -400,11 +396,8 @@ class _Slot:
 
 
 class _Tracer:
-    """Symbols for a net and the walk through its blocks.
-
-    Each function is called once, with symbols for the block's own inputs; ``read`` says what each
-    of them stands for.
-    """
+    """The walk through the blocks of a net: each function is called once, with symbols for the
+    block's own inputs; ``read`` says what each of them stands for."""
 
     def __init__(self, net: Net, exact: Sequence[int] = (), called: bool = False) -> None:
         self.net, self.graph, self.called = net, Graph(), called
@@ -566,11 +559,8 @@ class _Tracer:
         return [self.graph.make("where", flag, a, b) for a, b in zip(fresh, kept, strict=True)]
 
     def _settled(self, outputs: Sequence[Sequence[Node]]) -> dict[int, Node]:
-        """The input of each block at one instant, for outputs that may depend on inputs.
-
-        Each single signal is ordered after those that it depends on, so that a block may pass one
-        channel at once and another through a state.
-        """
+        """The input of each block at one instant, for outputs that may depend on inputs: each
+        single signal after those that it depends on."""
         net, at = self.net, dict[int, Node]()
         fed = self._linear(net.connect, [*chain(*outputs)])
         outside = self._linear(net.entry, self.u[: len(net.outside)])
@@ -601,14 +591,13 @@ class _Tracer:
         self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
     ) -> list[Node]:
         """One block's function on symbols; counts are given as numbers."""
-        if self.called and function is block.updfcn:
-            return self._as_it_is(block, function, x, u, size)
-        try:
-            return self._followed(block, function, x, u, size)
-        except TraceError:
-            if not self.called:
-                raise
-            return self._as_it_is(block, function, x, u, size)
+        if not (self.called and function is block.updfcn):
+            try:
+                return self._followed(block, function, x, u, size)
+            except TraceError:
+                if not self.called:
+                    raise
+        return self._as_it_is(block, function, x, u, size)
 
     def _followed(self, block: Any, function: Any, x: Any, u: Any, size: int) -> list[Node]:
         signals = signal_array(list(x)), signal_array(list(u))
@@ -685,11 +674,10 @@ def _reads(answer: Callable[..., list[float]], n: int, m: int, j: int) -> bool:
 
 def blocks_in(system: Any) -> Iterator[Any]:
     """The blocks, on all levels, that have functions of their own."""
+    for block in system.syslist if is_wired(system) else ():
+        yield from blocks_in(block)
     if not is_wired(system):
         yield system
-        return
-    for block in system.syslist:
-        yield from blocks_in(block)
 
 
 def widths(system: Any) -> dict[str, float]:
