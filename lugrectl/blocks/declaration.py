@@ -60,7 +60,7 @@ def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict,
 
 def check(made: Block, known: Iterable[str]) -> None:
     """InputError where a declaration cannot be meant; ``known``: the parameters of all laws."""
-    told = (_of_names(made), _of_values(made), _of_acts(made, known), _of_results(made))
+    told = (_of_names(made), _of_acts(made, known), _of_results(made))
     for fault in itertools.chain.from_iterable(told):
         raise InputError(f"{made.name}: {fault}")
 
@@ -77,9 +77,6 @@ def _of_names(made: Block) -> Iterator[str]:
     for name in made.start:
         if name not in ("0", *made.inputs):
             yield f"start names {name!r}; {meant(name, made.inputs)}"
-
-
-def _of_values(made: Block) -> Iterator[str]:
     for key, p in made.parameters.items():
         for what, value in (("default", p.value), ("neutral value", p.neutral)):
             if value is not None and not p.low <= value <= p.high:

@@ -109,15 +109,14 @@ class _Run:
     ) -> None:
         self.engine, self.course, self.p, self.accuracy = engine, course, p, accuracy
         self.now, t, count = Now.start(*starts, engine.held), course.grid, len(late)
-        counts = len(starts[0]), len(starts[1]), len(engine.outputs)
-        self.whole = Track(*(np.empty((count, len(t))) for count in counts))
+        x, q, y = (np.empty((len(rows), len(t))) for rows in (*starts, engine.outputs))
+        self.whole = Track(x, q, y)
         self.past = [History(t[0], self.now.x[i], delay) for i, delay in late.items()]
         self.longest, self.near = min(late.values()), 1e-10 * (t[-1] - t[0])
         self.breaks = [self._on_grid(t[0] + delay) for delay in late.values()]
         now = float(t[0])
         while now < t[-1]:
             now = float(self._segment(self._edges(now))[-1])
-        x, y = self.whole.x, self.whole.y
         for i, row in zip(late, y[-count:], strict=True):  # for the approximation's states
             x[i], x[i + 1] = row, 0.0
         self.whole = replace(self.whole, y=y[: -2 * count])

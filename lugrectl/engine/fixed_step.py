@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from .python_source import Section, numbered, written
 from .rosenbrock import Equations, step
 from .tracer import Program
 
+ufunc: Any = np  # of nodes
 ZERO = 1e-8  # of a state's scale: within this it has reached zero
 HELD = 100.0  # weight of a motion missed by holding a state too long: it is not corrected later
 AGAIN = 0.1  # part of a step to try if it starts at zero and ends on the other side
@@ -108,7 +110,7 @@ def _jumps(node: Node, x: Node) -> bool:
 
 def _relay(program: Program, rates: Sequence[Node], place: int, places: Sequence[int]) -> Relay:
     graph, x = program.graph, program.x
-    others = {graph.symbol(f"side{j}").index: np.sign(x[j]) for j in places if j != place}
+    others = {graph.symbol(f"side{j}").index: ufunc.sign(x[j]) for j in places if j != place}
     others[x[place].index] = graph.constant(0.0)
     own = graph.symbol(f"side{place}").index
     sides = [others | {own: graph.constant(way)} for way in (1.0, -1.0)]
@@ -132,7 +134,7 @@ def trial(program: Program) -> dict[str, Node]:
     new, errors = step(Equations(graph, program.t, program.x, program.u, rates))
     scales = [graph.symbol(f"s{i}") for i in range(len(new))]
     error = graph.total(
-        abs(e) / np.maximum(scale, abs(n)) for e, scale, n in zip(errors, scales, new, strict=True)
+        abs(e) / ufunc.maximum(s, abs(n)) for e, s, n in zip(errors, scales, new, strict=True)
     )
     error = error + graph.total(_slip(program, r, new, scales[r.place]) for r in every)
     error = where(abs(graph.total(program.x)) < np.inf, error, 0.0)
@@ -140,16 +142,16 @@ def trial(program: Program) -> dict[str, Node]:
     back, share, landed = graph.constant(0.0), graph.constant(1.0), graph.constant(0.0)
     for relay in every:
         over, lands = _at_zero(program, relay, new[relay.place], scales[relay.place])
-        share, landed = np.minimum(share, over), np.maximum(landed, lands)
+        share, landed = ufunc.minimum(share, over), ufunc.maximum(landed, lands)
         new[relay.place] = where(lands > 0.0, 0.0, new[relay.place])
     if every:
         back = where(share < 1.0, where(h > SHORTEST * shortest, good, 0.0), 0.0)
         good = good - back
-    growth = 0.8 * np.sqrt(np.sqrt(rtol / np.maximum(error, 1e-30)))
-    growth = where(np.equal(growth, growth), np.minimum(np.maximum(growth, 0.1), 5.0), 0.1)
+    growth = 0.8 * ufunc.sqrt(ufunc.sqrt(rtol / ufunc.maximum(error, 1e-30)))
+    growth = where(ufunc.equal(growth, growth), ufunc.minimum(ufunc.maximum(growth, 0.1), 5.0), 0.1)
     rest = where(good > 0.0, left - h, left)
     whole = graph.make("logical_or", spent + 1.0 > graph.symbol("most"), landed > 0.0)
-    longer = np.minimum(rest, h * where(back > 0.0, share, growth))
+    longer = ufunc.minimum(rest, h * where(back > 0.0, share, growth))
     made = {
         "t": where(good > 0.0, t + h, t),
         "left": rest,
@@ -168,7 +170,7 @@ def _at_zero(program: Program, relay: Relay, new: Node, scale: Node) -> tuple[No
     """The part of a step that ends where a state reaches zero, and whether (1.0) it ends there."""
     graph, side = program.graph, program.graph.symbol(f"side{relay.place}")
     before, now = side * program.x[relay.place], side * new
-    near = ZERO * np.maximum(scale, before)
+    near = ZERO * ufunc.maximum(scale, before)
     jumps = (relay.down - relay.up) * graph.symbol("dt") > near
     part = where(before > near, before / (before - now), AGAIN)
     over = graph.make("logical_and", jumps, now < -near)
@@ -185,9 +187,9 @@ def _slip(program: Program, relay: Relay, new: Sequence[Node], scale: Node) -> N
     later = {x.index: n for x, n in zip(program.x, new, strict=True)}
     later |= {program.t.index: end, graph.symbol("begin").index: end}
     up, down = rename([relay.up, relay.down], later)
-    pull = graph.symbol("h") * np.maximum(np.maximum(up, -down), 0.0)
+    pull = graph.symbol("h") * ufunc.maximum(ufunc.maximum(up, -down), 0.0)
     missed = HELD * where(abs(side) > 0.0, 0.0, pull)
-    return missed / np.maximum(scale, side * program.x[relay.place])
+    return missed / ufunc.maximum(scale, side * program.x[relay.place])
 
 
 # each place takes the next lane as soon as its own is done; none waits for another. A place without

@@ -1,8 +1,7 @@
 """Expression graphs: every distinct expression of scalars exists once, as a node.
 
 Equal expressions are the same object, arguments have lower indices than their users, and
-simplifications do not change the value by even one bit for finite arguments. Derivatives and
-affine forms are expressions of the same graph.
+simplifications do not change the value by even one bit for finite arguments.
 """
 
 from __future__ import annotations
