@@ -519,10 +519,9 @@ def run(
 def run_code(hybrid: Hybrid, kind: str) -> str:
     """The function ``run``; ``kind`` "compiled" or "python" (errors of ``math`` are caught).
 
-    x are the continuous states, q the sampled ones, u the external inputs followed by the values
-    held between updates (ticks). An output in which a sign or comparison rests (``sliding``) has
-    the value that keeps it at rest: the friction of a drive held by Coulomb friction is the torque
-    on it, not sign(0).
+    u are the external inputs followed by the values held between updates (ticks). An output in
+    which a sign or comparison rests has the value that keeps it at rest: the friction of a drive
+    held by Coulomb friction is the torque on it, not sign(0).
     """
     program, graph, guarded = hybrid.flow, hybrid.flow.graph, kind != "compiled"
     smooth, leads, jumps, modes = freeze_modes(program.xdot, {node.value for node in program.p})

@@ -157,6 +157,9 @@ class _Unit:
         given = {a.arg: kind for a, kind in zip(function.args.args, kinds, strict=True)}
         writer = _Writer(given, self)
         body = writer.block(function.body, 1)
+        while writer.promoted:  # an integer variable later holds a double: again with it
+            writer = _Writer({**given, **writer.kinds}, self)
+            body = writer.block(function.body, 1)
         own = [
             f"    {_TYPES[v.of]} {'*' if v.shape else ''}{k}_;"
             for k, v in writer.kinds.items()
@@ -185,7 +188,7 @@ class _Writer:
     """Writes statements and expressions; keeps the kinds of the names seen so far."""
 
     def __init__(self, given: Mapping[str, Kind], unit: _Unit) -> None:
-        self.kinds, self.unit, self.returned = dict(given), unit, WHOLE
+        self.kinds, self.unit, self.returned, self.promoted = dict(given), unit, WHOLE, False
 
     def block(self, statements: list[ast.stmt], depth: int) -> list[str]:
         """Lines of C, indented."""
@@ -267,7 +270,7 @@ class _Writer:
 
     def _keep(self, name: str, kind: Kind) -> None:
         if self.kinds.setdefault(name, kind) == WHOLE and kind == NUMBER:
-            raise ValueError(f"cannot be translated to C: {name} is a whole number at first")
+            self.kinds[name], self.promoted = NUMBER, True
 
     def of(self, node: ast.expr) -> Value:
         """An expression and its kind."""

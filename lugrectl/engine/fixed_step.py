@@ -287,9 +287,7 @@ def lane_code(program: Program, kind: str, width: int) -> str:
     moving = [*states, *(f"s{i}" for i in range(len(states)))]
     held = [*every, "shortest", "spent", *(line.split(" = ")[0] for line in head), *moving]
     groups = {
-        "state": [
-            row | {"gains": g or "0.0"} for row, g in zip(numbered(states), gains, strict=True)
-        ],
+        "state": [row | {"gains": gains[row["i"]] or "0.0"} for row in numbered(states)],
         "parameter": numbered(every),
         "input": numbered(inputs),
         "output": numbered(count),

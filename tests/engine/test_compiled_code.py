@@ -38,7 +38,7 @@ def run(table, places, scale, often, wanted, out, first, last):
     n, least = 5, scale / often
     own = np.zeros(6)
     sums = np.zeros(6)
-    total = 0.0
+    total = 0
     for i in range(first, last):
         row = table[i]
         sums[i] = 0.0
