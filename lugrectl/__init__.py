@@ -1,12 +1,13 @@
 """Friction in servo drives: blocks for python-control, observers, checks, and diagnosis of logs.
 
-Names are loaded on first use, so that the command line starts quickly.
+Names are loaded on first use, so that the command line starts quickly; __init__.pyi has them for
+editors and type checkers.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 __version__ = "0.1.0"
 
@@ -15,8 +16,8 @@ _HOMES = {
     "commissioning.tuning": "tune",
     "blocks.block": "P",
     "blocks.declaration": "block load_blocks",
-    "blocks.controllers": "compensation error feedforward pi pid prefilter",
-    "blocks.drive": "current_lag dead_time limiter notch proportional",
+    "blocks.controllers": "compensation current_lag dead_time error feedforward limiter notch pi "
+    "pid prefilter proportional",
     "blocks.factories": "effect friction",
     "blocks.observers": "adaptive_observer disturbance_observer existing_observer "
     "extended_state_observer friction_state_observer friedland_park_observer "
@@ -70,97 +71,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return __all__
-
-
-if TYPE_CHECKING:
-    from .bench.assure import Assurance, HuntingChance, assure, hunting_chance
-    from .bench.compensate import Compensation, compensate
-    from .bench.observers import (
-        ObserverComparison,
-        Recommendation,
-        compare_observers,
-        recommend_observer,
-    )
-    from .blocks.block import P
-    from .blocks.catalogue import controllers, effects, laws, observers
-    from .blocks.controllers import compensation, error, feedforward, pi, pid, prefilter
-    from .blocks.declaration import block, load_blocks
-    from .blocks.drive import current_lag, dead_time, limiter, notch, proportional
-    from .blocks.factories import effect, friction
-    from .blocks.model import Model, Parameters, read_model, table1, write_model
-    from .blocks.observers import (
-        adaptive_observer,
-        disturbance_observer,
-        existing_observer,
-        extended_state_observer,
-        friction_state_observer,
-        friedland_park_observer,
-        general_coulomb_observer,
-        lyapunov_observer,
-        natural_observer,
-        normal_force_observer,
-        position_coulomb_observer,
-        position_lugre_observer,
-        proposed_observer,
-        temperature_observer,
-    )
-    from .blocks.plant import plant, sensor
-    from .blocks.sliding_control import (
-        adaptive_slotine_li,
-        backstepping_smc,
-        coulomb_compensation,
-        coulomb_predictor,
-        dual_observer_control,
-        repetitive_control,
-        repetitive_memory,
-        sliding_error,
-        slotine_li,
-        smith_velocity,
-    )
-    from .blocks.table import tabulated
-    from .commissioning.of_record import frequency_response, response_plan
-    from .commissioning.tuning import tune
-    from .core.errors import Diverged, InputError, Refused
-    from .design import (
-        Certificate,
-        Design,
-        ObserverDesign,
-        certify,
-        design_gains,
-        excitation,
-        natural_decay,
-    )
-    from .diagnosis.balance import balance
-    from .diagnosis.compare_laws import LawComparison, compare_laws
-    from .diagnosis.diagnose import diagnose, identify
-    from .diagnosis.fleet import Fleet, diagnose_each
-    from .diagnosis.result import Diagnosis
-    from .estimates.findings import Table
-    from .hunting.hunt import LimitCycles, limit_cycles
-    from .hunting.loop import HuntingMap, hunting_map
-    from .hunting.stick_slip import StickSlip, stick_slip_speed
-    from .linear import (
-        DelayedTransfer,
-        bandwidth,
-        bandwidth_check,
-        check_designs,
-        delayed,
-        l2_check,
-        linearize,
-        passivity_check,
-        position_L,
-        position_loop_tf,
-        position_T,
-        spr_check,
-        spr_repair,
-        stability_check,
-        velocity_L,
-        velocity_loop_tf,
-        velocity_T,
-    )
-    from .loops.friction_loops import cascade_loop, late_loop, position_loop, velocity_loop
-    from .paper.equations import PAPER
-    from .record import Record, read_record
-    from .simulation.response import simulate, simulate_sampled
-    from .simulation.sampled_block import deflection, sampled
-    from .simulation.sweep import Sweep, sweep, sweep_chunks

@@ -16,7 +16,7 @@ from hypothesis import settings  # noqa: E402
 
 from lugrectl.blocks import declaration  # noqa: E402
 from lugrectl.blocks.block import REGISTRY, registered  # noqa: E402
-from lugrectl.engine.runtime.backend import has_compiler
+from lugrectl.engine.backend import has_compiler
 
 from .cases.own_blocks import momentum, smooth  # noqa: E402, F401  fixtures
 
@@ -94,7 +94,7 @@ def there(backend: str | None) -> str | None:
     return backend
 
 
-@pytest.fixture(params=["numpy", "c"])
+@pytest.fixture(params=["python", "c"])
 def backend(request: pytest.FixtureRequest) -> str | None:
     """Each way to run lanes; numba reads the text that C is made of."""
     return there(request.param)
@@ -103,13 +103,13 @@ def backend(request: pytest.FixtureRequest) -> str | None:
 @pytest.fixture
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Simulations run in plain Python, from nothing that was kept: nothing to compile."""
-    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.compiler", lambda: None)
-    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
+    monkeypatch.setattr("lugrectl.engine.adaptive_run.compiler", lambda: None)
+    monkeypatch.setattr("lugrectl.engine.memo._traced", {})
 
 
 @pytest.fixture(params=["c", "python"])
 def way(request: pytest.FixtureRequest, interpreted: None, monkeypatch: pytest.MonkeyPatch) -> str:
     """Each way to run a single system; numba reads the text that C is made of."""
     made_by = None if request.param == "python" else there(request.param)
-    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.compiler", lambda: made_by)
+    monkeypatch.setattr("lugrectl.engine.adaptive_run.compiler", lambda: made_by)
     return request.param

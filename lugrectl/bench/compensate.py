@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..blocks import controllers
-from ..blocks.aliases import name_of
 from ..blocks.block import Block, unit_for
-from ..blocks.drive import dead_time
+from ..blocks.controllers import dead_time
+from ..blocks.declaration import name_of
 from ..blocks.model import Model, as_model, values_of
 from ..blocks.observers import Gain, observer_block
 from ..blocks.plant import assemble, plant, sensor

@@ -15,10 +15,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.aliases import listed, meant
 from ..blocks.block import members, unit_for
-from ..blocks.controllers import MEASURED
-from ..blocks.drive import dead_time
+from ..blocks.controllers import MEASURED, dead_time
 from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant, sensor
@@ -32,7 +30,7 @@ from ..core.validation import flag, holds_samples, names, number, positive, real
 from ..core.views import view
 from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
-from ..engine.runtime.adaptive_run import interpreted
+from ..engine.adaptive_run import interpreted
 from ..estimates.fitted import Fitted
 from ..loops.friction_loops import OUTPUTS, Control, connected, crossing, read_of
 from ..record.as_record import as_record

@@ -6,14 +6,7 @@ from functools import cache
 from importlib import import_module
 
 AUTO = "auto"  # in place of a friction law: the one that predicts best
-DECLARING = (
-    "effects",
-    "friction",
-    "observers",
-    "controllers",
-    "drive",
-    "sliding_control",
-)
+DECLARING = ("effects", "friction", "observers", "controllers", "sliding_control")
 
 
 @cache

@@ -1,15 +1,8 @@
-"""What a block is: one pure function, its signals, states and parameters.
+"""What a block is: one pure function, whose signature is the declaration.
 
-A function becomes a block by one decorator line. Its signature is the declaration::
-
-    @block("friction", out="F", states="z")
-    def lugre(w, z, sigma0=P(260, "N m/rad", 0), ...):
-        return F, dz
-
-Arguments without default are signals or states, arguments with default are parameters.
-It returns the outputs that are not states, then one rate per state. Use only arithmetic, NumPy
-ufuncs and ``np.where`` on signals: then the same code works on floats, arrays, whole logs and
-the symbolic scalars of the engine.
+Arguments without default are signals or states, arguments with default are parameters. It returns
+the outputs that are not states, then one rate per state, by arithmetic, NumPy ufuncs and
+``np.where`` alone: on floats, arrays, whole logs and the symbolic scalars of the engine.
 """
 
 from __future__ import annotations
@@ -260,8 +253,8 @@ class Block(Shown):
         keys = {k: f"{name}.{k}" for k in numbers}
         called = (self, name, keys, functions)
         return kind(
-            Rates(*called) if self.states else None,
-            Outputs(*called),
+            Called(*called, rates=True) if self.states else None,
+            Called(*called),
             inputs=renamed(name, "inputs", self.inputs, inputs),
             outputs=renamed(name, "outputs", self.outputs, outputs),
             states=list(self.states) or None,
@@ -300,12 +293,14 @@ class Steady:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Called:
-    """A block with values: python-control's ``keys`` by parameter, ``functions`` of the user."""
+    """Outputs or rates of a block with values: python-control's ``keys`` by parameter, and
+    ``functions`` of the user."""
 
     block: Block
     name: str
     keys: Mapping[str, str]
     functions: Mapping[str, Callable[..., Any]]
+    rates: bool = False
 
     @cached_property
     def steady(self) -> bool:
@@ -343,24 +338,21 @@ class Called:
     def __reduce__(self) -> Any:
         for key, function in self.functions.items():
             carried(f"{self.name}.{key}", function)
-        return type(self), (self.block, self.name, dict(self.keys), dict(self.functions))
+        values = dict(self.keys), dict(self.functions), self.rates
+        return type(self), (self.block, self.name, *values)
 
     def __deepcopy__(self, memo: Any) -> Called:
         return replace(self, functions=copy.deepcopy(self.functions, memo))
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__.lower()} of the block {self.block.name}>"
+        return f"<{'rates' if self.rates else 'outputs'} of the block {self.block.name}>"
 
-
-class Rates(Called):
-    def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
-        return np.array(self.values(t, x, u, params)[len(self.block.fresh) :])
-
-
-class Outputs(Called):
     def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
         fresh = self.block.fresh
-        out = dict(zip(fresh, self.values(t, x, u, params), strict=False)) if fresh else {}
+        values = self.values(t, x, u, params) if fresh or self.rates else ()
+        if self.rates:
+            return np.array(values[len(fresh) :])
+        out = dict(zip(fresh, values, strict=False))
         for i, state in enumerate(self.block.states):
             out.setdefault(state, x[i])
         return np.array([out[o] for o in self.block.outputs])

@@ -14,10 +14,8 @@ from ..core.errors import InputError
 from ..core.result import NamedRows, library, picked
 from ..core.validation import shown
 from . import DECLARING
-from . import effects as _effects  # noqa: F401  fills the registry
-from . import friction as _friction  # noqa: F401
-from .aliases import also_called, block_named, name_of
 from .block import Block, P, members
+from .declaration import also_called, block_named, name_of
 
 Listing = TypeVar("Listing", bound=Callable[..., "Catalogue"])
 WIDTH = 80  # columns of an entry as text
@@ -28,12 +26,7 @@ _INDENTED: Any = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One block of a list, as it is declared.
-
-    ``parameters`` maps a name to its declaration: ``value`` (default), ``unit``, bounds ``low``
-    and ``high``, and ``neutral``, the value at which an effect changes nothing. Units are those
-    of a rotary drive.
-    """
+    """One block of a list, as it is declared, in the units of a rotary drive."""
 
     name: str
     kind: str
@@ -67,10 +60,7 @@ class Entry:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Plain Python, None for infinity: what ``lugrectl effects NAME --json`` prints.
-
-        ``strength`` names the parameter whose neutral value switches an effect off.
-        """
+        """Plain Python, None for infinity: what ``lugrectl effects NAME --json`` prints."""
         own = {k: picked(p, "value low high neutral unit") for k, p in self.parameters.items()}
         facts = picked(self, "name equation") | {"parameters": own, "source": self.source or None}
         facts |= {"about": self.about}
@@ -127,18 +117,8 @@ class Catalogue(NamedRows[Entry]):
         self._rows = tuple(entries)
 
     def __getitem__(self, index: Any) -> Any:
-        """An entry by place or name, or a part of the list.
-
-        An effect may be called by a common name, an observer without ``_observer``; the block
-        itself will do.
-
-        Raises
-        ------
-        InputError
-            When there is no entry of the name; the sentence gives the nearest one.
-        IndexError
-            When there is no such place.
-        """
+        """An entry by place, by name (a common one, or without ``_observer``) or by its block, or a
+        part of the list; InputError with the nearest name, IndexError for a place."""
         if isinstance(index, slice):
             return Catalogue(self.kind, self._rows[index])
         which = name_of(self.kind, index)
@@ -158,13 +138,7 @@ class Catalogue(NamedRows[Entry]):
         return [entry.summary() for entry in self._rows]
 
     def to_frame(self) -> Any:
-        """A pandas DataFrame with one row for each entry, its name as index.
-
-        Raises
-        ------
-        InputError
-            When pandas is not installed.
-        """
+        """A pandas DataFrame with one row for each entry, its name as index."""
         pandas, head = library("pandas"), ["name", "equation", "parameters", "source"]
         rows = [(e.name, e.equation, _labels(e), e.source) for e in self._rows]
         return pandas.DataFrame(rows, columns=pandas.Index(head)).set_index("name")

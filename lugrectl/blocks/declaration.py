@@ -1,4 +1,4 @@
-"""Blocks are declared, in code or in a file of the user's own, and checked where they are."""
+"""Blocks are declared, in code or in a file of the user's own, and found by their names."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import importlib
 import inspect
 import itertools
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
@@ -20,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.option_names import option
 from ..core.pickling import carried, from_fields, rebuilt
-from ..core.validation import as_path, like_it, names, shown
-from .aliases import meant
-from .block import REGISTRY, Block, Group, P, is_ours, registered
+from ..core.validation import as_path, like_it, names, nearest, shown
+from .block import REGISTRY, Block, Group, P, is_ours, members, registered
 
 KINDS = ("friction", "plant", "observer", "controller", "effect", "variant")
 SEEN = ("t", "theta", "w", "u", "d", "load")  # signals of a drive that an effect may read
@@ -59,7 +60,7 @@ def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict,
 
 def check(made: Block, known: Iterable[str]) -> None:
     """InputError where a declaration cannot be meant; ``known``: the parameters of all laws."""
-    told = (_of_names(made), _of_values(made), _of_acts(made, known), _of_results(made))
+    told = (_of_names(made), _of_acts(made, known), _of_results(made))
     for fault in itertools.chain.from_iterable(told):
         raise InputError(f"{made.name}: {fault}")
 
@@ -76,9 +77,6 @@ def _of_names(made: Block) -> Iterator[str]:
     for name in made.start:
         if name not in ("0", *made.inputs):
             yield f"start names {name!r}; {meant(name, made.inputs)}"
-
-
-def _of_values(made: Block) -> Iterator[str]:
     for key, p in made.parameters.items():
         for what, value in (("default", p.value), ("neutral value", p.neutral)):
             if value is not None and not p.low <= value <= p.high:
@@ -339,6 +337,102 @@ def _entered(made: Block) -> Block:
         object.__setattr__(made, key, value)
     REGISTRY[made.kind, made.name] = made
     return made
+
+
+# --- the names that the field uses for them ---
+
+# Only names with one meaning: "dead band" may be a backlash or a dead zone, so it is not here.
+_COMMON = {
+    "constant_torque": "torque_offset offset_torque",
+    "gravity": "unbalance imbalance",
+    "torque_ripple": "cogging cogging_torque detent detent_torque",
+    "hard_stop": "end_stop endstop mechanical_stop",
+    "thermal_drift": "warm_up warmup",
+    "quadratic_drag": "windage air_drag aerodynamic_drag",
+    "sublinear_viscous": "shear_thinning",
+    "dwell_stiction": "stiction_growth aging frictional_aging",
+    "stribeck": "stribeck_effect",
+    "presliding": "pre_sliding",
+    "input_delay": "dead_time transport_delay time_delay",
+    "actuator_lag": "motor_lag current_loop_lag",
+    "actuator_saturation": "saturation torque_limit current_limit",
+    "actuator_dead_zone": "dead_zone deadzone",
+    "torque_constant_ripple": "kt_ripple",
+    "elastic_coupling": "joint_flexibility flexible_joint compliance two_mass",
+    "backlash": "play lost_motion free_play gear_play clearance",
+    "inertia_step": "payload_change",
+    "pose_dependent_inertia": "variable_inertia",
+    "velocity_sensor_lag": "velocity_filter speed_filter",
+    "encoder_eccentricity": "eccentric_encoder encoder_runout",
+}
+COMMON = {common: name for name, many in _COMMON.items() for common in many.split()}
+
+
+def name_of(kind: str, given: Any) -> Any:
+    """The name of a block that stands in its place; anything else but a system as it is."""
+    if isinstance(given, Block):
+        if given.kind != kind:
+            raise InputError(
+                f"{given.name} is declared as {_word(given.kind)}, not as {_word(kind)}."
+            )
+        return given.name
+    if hasattr(given, "ninputs") and hasattr(given, "noutputs"):
+        raise InputError(
+            f"{given.name} is a python-control system: give the name of the {_word(kind)} in its "
+            "place and the values beside it, or write its equations as a function below "
+            f'@lg.block("{kind}", ...); or wire the system by lg.simulate([...], t).'
+        )
+    factory = callable(given) and is_ours(getattr(given, "__module__", None) or "")
+    return given.__name__ if factory and given.__name__ in members(kind) else given
+
+
+def _word(kind: str) -> str:
+    return "friction law" if kind == "friction" else kind
+
+
+def listed(kind: str, given: Any) -> Any:
+    """One name or block, or several, as a list of names; anything else as it is."""
+    one = isinstance(given, str) or callable(given) or hasattr(given, "ninputs")
+    several = [given] if one else given
+    return [name_of(kind, g) for g in several] if isinstance(several, (list, tuple)) else several
+
+
+def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
+    """The registered block that a name means: its own first, a common name of an effect, or the
+    name without its kind. The error starts with ``where`` and calls the kind ``what``."""
+    known, name = members(kind), name_of(kind, name)
+    if isinstance(name, str) and name in known:
+        return known[name]
+    names = COMMON | {_spelling(k): k for k in known} if kind == "effect" else {}
+    names = names or {_spelling(k.removesuffix(f"_{kind}")): k for k in known}
+    typed = _spelling(name).removesuffix(f"_{kind}")
+    if names.get(typed) in known:
+        return known[names[typed]]
+    short = [k.removesuffix(f"_{kind}") for k in known if k != "no_observer"]
+    hint = meant(typed, names, ", ".join(short))
+    start = f"{where}: " if where else ""
+    raise InputError(
+        f"{start}there is no {what or _word(kind)} named {shown(name)}; {hint} One of your own: "
+        f"{option('blocks', 'FILE.py')}."
+    )
+
+
+def meant(name: Any, known: Iterable[str], all_of: str = "") -> str:
+    """What a sentence says of a mistyped name: the nearest known one, or all."""
+    spelt = {_spelling(k): k for k in known}
+    near = nearest(_spelling(name), spelt)
+    all_of = all_of or ", ".join(spelt.values()) or "none"
+    return f"did you mean '{spelt[near]}'?" if near else f"known: {all_of}."
+
+
+def also_called(kind: str, name: str) -> tuple[str, ...]:
+    """The common names of an effect, without those that a registered block has."""
+    known = members(kind) if kind == "effect" else COMMON
+    return tuple(c for c, meant in COMMON.items() if meant == name and c not in known)
+
+
+def _spelling(name: Any) -> str:
+    return re.sub(r"[\s_-]+", "_", str(name).strip().lower())
 
 
 # --- in a file of the user's own ----

@@ -2,18 +2,8 @@
 
 A docstring leaves out what is the same in all of them: the names, that values and bounds are
 checked, what is returned. Most are one function, the equation itself: its docstring holds a
-summary, the equation, and the sections. :func:`built` enters the block and gives back the factory::
-
-    @built("observer", out="Fhat zhat", states="zhat")
-    def natural_observer(w, zhat, law=LAW):
-        '''The LuGre law itself ...
-
-        Fhat = ...
-
-        Returns ...'''
-
-One that does more than give a block its values is written with a body, its own arguments and
-``**names``, below :func:`factory`.
+summary, the equation, and the sections; :func:`built` enters the block and gives back the factory.
+One that does more is written with its own arguments and ``**names``, below :func:`factory`.
 """
 
 from __future__ import annotations
@@ -29,9 +19,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict
 
 from ..core.errors import InputError
 from ..core.validation import real
-from .aliases import block_named
 from .block import Block, is_ours
-from .declaration import block
+from .declaration import block, block_named
 from .friction import formed, lugre
 from .model import Model, Parameters, as_model
 
@@ -64,12 +53,9 @@ _USUAL = Parameter.POSITIONAL_OR_KEYWORD
 def built(
     kind: str, *, gains: str = "", needed: str = "", **declared: Any
 ) -> Callable[[Callable[..., Any]], Callable[..., ct.NonlinearIOSystem]]:
-    """Declare a function as a block, and give back the factory of that block.
-
-    The factory takes p where the block has values of a drive, and ``gains``: all others that are
-    fitted unless given; with a star at its end, the rest as ``**gains``. One that is ``needed``
-    has no default.
-    """
+    """Declare a function as a block, and give back the factory of that block: of p, where the
+    block has values of a drive, and ``gains``, all others that are fitted unless given, with a star
+    at the end the rest as ``**gains``; one that is ``needed`` has no default."""
 
     def declare(function: Callable[..., Any]) -> Callable[..., ct.NonlinearIOSystem]:
         doc = inspect.getdoc(function) or ""

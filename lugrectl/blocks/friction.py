@@ -310,8 +310,7 @@ def along(
     """Dahl's bristle along a measured motion, z' = (G sign(w) - z) |w|/(G x0), in closed form.
 
     G = 1 + asymmetry sign(w); strokes as :func:`strokes` has them. Between reversals it relaxes
-    exponentially over the path: the limit of :func:`bristle` at a constant level and small damping.
-    G is the value towards which z relaxes and, as the stiffness stays, a factor on the distance x0.
+    exponentially over the path.
     """
     if not len(first):  # a drive that never moves
         return np.zeros(len(path))
@@ -380,12 +379,9 @@ class Elements:
         return sum(sigma0 * k * one for (k, _), one in self.each(z))
 
     def stopped(self, w: Any, z: Any, sigma0: Any, limit: Any, v: Any = None) -> list[Any]:
-        """Rates of the deflections at speed v, w unless given, while the drive slides with w.
-
-        v below the limits; none at them, where v has the sign of w. Beyond a limit, which may
-        have come down, the deflection returns to it as the drive slides. The rate falls to 0 over
-        the last ``EDGE`` of the way to the limit, so that a solver meets no jump.
-        """
+        """Rates of the deflections at speed v, w unless given, while the drive slides with w: v
+        below the limits, 0 at them, over the last ``EDGE`` of the way; back to a limit that has
+        come down."""
         way = np.sign(w)
         back = 0.0 if v is None else way * np.minimum(v * way, 0.0)
         ahead = w if v is None else v - back

@@ -16,18 +16,134 @@ from typing import Any
 from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.provenance import SourceFile
-from ..core.validation import as_path, holds_samples, is_file, like_it, shown, text
+from ..core.validation import (
+    as_path,
+    flag,
+    holds_samples,
+    is_file,
+    like_it,
+    positive,
+    shown,
+    text,
+    within,
+)
 from ..core.writing import write_whole
 from . import effects as every_effect  # noqa: F401  fills the registry
-from .aliases import block_named, name_of
-from .block import Block, is_ours, members, unit_for
-from .declaration import files_of_blocks, load_named
-from .declared_values import NOTHING, Stated, check_keys, declared, holding, refuse_crossed
+from .block import Block, P, is_ours, members, unit_for
+from .declaration import block_named, files_of_blocks, load_named, meant, name_of
 from .friction import J as J_DECLARATION
 from .friction import formed, usual_values, written_form
 
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
 _FILE = ("name", "motion", "blocks", "plant", "friction", "effects")
+
+
+KEYS = ("value", "fixed", "min", "max", "std")
+
+
+@dataclass(frozen=True)
+class Stated:
+    """``fixed``: the value is held. ``low`` and ``high``: the fit stays between them. ``std``:
+    the value is the mean of a Gaussian prior with this standard deviation. None: not stated."""
+
+    fixed: bool = False
+    low: float | None = None
+    high: float | None = None
+    std: float | None = None
+
+    def clipped(self, value: float) -> float:
+        """The value, or the bound beyond which it lies."""
+        value = value if self.low is None else max(value, self.low)
+        return value if self.high is None else min(value, self.high)
+
+    @property
+    def bounded(self) -> bool:
+        return self.low is not None or self.high is not None
+
+    def table(self) -> dict[str, Any]:
+        given = {"fixed": self.fixed or None, "min": self.low, "max": self.high, "std": self.std}
+        return {k: v for k, v in given.items() if v is not None}
+
+    def words(self) -> str:
+        """For a row of a table: "held", "0.1 to 0.5, prior +-0.02"."""
+        if self.fixed:
+            return "held"
+        ends = [f"{x:g}" if x is not None else "" for x in (self.low, self.high)]
+        text = f"{ends[0]} to {ends[1]}" if all(ends) else f"at least {ends[0]}"
+        text = text if ends[0] else f"at most {ends[1]}"
+        prior = f"prior +-{self.std:g}" if self.std is not None else ""
+        return ", ".join(filter(None, [text if self.bounded else "", prior]))
+
+
+NOTHING = Stated()
+
+
+def declared(given: Any, p: P, where: str) -> tuple[float | None, Stated]:
+    """A value of a model, None for one to be identified, and what its table states of it:
+    ``{value = 0.285, fixed = true}``."""
+    if not isinstance(given, Mapping):
+        return None if given is None else within(given, where, p), NOTHING
+    check_keys(given, KEYS, where)
+
+    def one(key: str, at: str) -> float | None:
+        found = given.get(key)
+        if found is None or key != "value" and found == 0:  # a bound of a value above 0, too
+            return found
+        return within(found, at, p)
+
+    value, low, high = one("value", where), one("min", f"{where}: min"), one("max", f"{where}: max")
+    fixed, std = given.get("fixed", False), given.get("std")
+    std = None if std is None else positive(std, f"{where}: std")
+    made = Stated(flag(fixed, f"{where}: fixed"), low, high, std)
+    if value is None and (fixed or std is not None):
+        raise InputError(f"{where}: {'fixed' if fixed else 'std'} needs a value beside it.")
+    if low is not None and high is not None and low >= high:
+        raise InputError(f"{where}: min = {low:g} must be below max = {high:g}.")
+    if value is not None and made.clipped(value) != value:
+        bounds = Stated(low=low, high=high).words()
+        raise InputError(f"{where}: value = {value:g} lies outside its own bounds, {bounds}.")
+    return value, made
+
+
+def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise InputError(f"{where}: unknown key '{key}'; {meant(key, known)}")
+
+
+def _holding(
+    values: Mapping[str, float | None],
+    before: Mapping[str, Stated],
+    names: Iterable[Any],
+    where: str,
+) -> dict[str, Stated]:
+    """The statements with these values held; the name of an effect holds all of its values."""
+    made = dict(before)
+    for name in names:
+        keys = [k for k in values if k == name or k.startswith(f"{name}.")]
+        if not keys:
+            raise InputError(f"{where}: no value of the model is '{name}'; {meant(name, values)}")
+        for key in keys:
+            if values[key] is None:
+                raise InputError(f"{where}: {key} has no declared value to hold: give it one.")
+            made[key] = replace(made.get(key, Stated()), fixed=True)
+    return made
+
+
+def refuse_crossed(
+    values: Mapping[str, float | None], said: Mapping[str, Stated], where: str
+) -> None:
+    """Raise InputError if no Fs that is allowed lies above an Fc that is allowed."""
+    ends = []
+    for key, side, none in (("Fs", "high", math.inf), ("Fc", "low", -math.inf)):
+        one, value = said.get(key, Stated()), values.get(key)
+        far = value if one.fixed and value is not None else getattr(one, side)
+        ends.append(none if far is None else far)
+    if ends[0] < ends[1]:
+        raise InputError(
+            f"{where}: Fs is at most {ends[0]:g} and Fc at least {ends[1]:g}, but stiction cannot "
+            "be less than Coulomb friction: hold one of them at most, or give other bounds."
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -224,7 +340,7 @@ class Model(Shown):
         ``"gravity.phase"`` is one value of an effect, ``"gravity"`` all of them. InputError for a
         name that the model does not have, or a value that is not declared; it starts with ``what``.
         """
-        made = replace(self, stated=holding(self.values(), self.stated, names, what))
+        made = replace(self, stated=_holding(self.values(), self.stated, names, what))
         refuse_crossed(made.values(), made.stated, what)
         return made
 
@@ -512,11 +628,8 @@ def write_model(model: Model, path: str | Path) -> None:
 def model_toml(
     model: Model, folder: Path | None = None, known: Mapping[str, str] | None = None
 ) -> str:
-    """The model file's text, with the unit of each value as a comment, and what is ``known`` of it.
-
-    Files with blocks of the user's own are named as seen from the folder of the model file, if
-    it is given.
-    """
+    """The model file's text, with the unit of each value as a comment, and what is ``known`` of it;
+    files with blocks of the user's own are named as seen from the folder of the model file."""
     data, declared, known = model.to_dict(stated=True), model.declarations(), known or {}
 
     def rows(values: Mapping[str, Any], prefix: str = "") -> list[str]:
@@ -604,11 +717,8 @@ def _from_dict(given: Mapping[Any, Any], what: str) -> Model:
 
 
 def changed(given: Any, changes: Mapping[str, Any], what: str) -> Model:
-    """The model ``given``, {} for one of which nothing is known, with other values by name.
-
-    ``J``, ``name``, ``motion``, ``friction`` (the law), ``effects`` (added to those that it has);
-    anything else is a parameter of the law.
-    """
+    """The model ``given``, {} for one of which nothing is known, with other values by name: ``J``,
+    ``name``, ``motion``, the law ``friction``, more ``effects``, parameters of the law."""
     data = as_model(given).to_dict(stated=True)
     changes = {k: v for k, v in changes.items() if v is not None}
     data |= {k: changes.pop(k) for k in ("name", "motion") if k in changes}

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .aliases import block_named
 from .block import Block, Group, P
-from .declaration import block
+from .declaration import block, block_named
 from .factories import believed, built
 from .friction import FV, LAW, LUGRE, PAPER, SMOOTH, Bristles, J, bristle_torque, coulomb
 from .plant import acceleration

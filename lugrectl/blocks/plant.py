@@ -65,10 +65,9 @@ def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
 def assemble(model: Model, *, sensed: bool = False, loads: Sequence[str] = ()) -> Block:
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
-    Effects act in physical order: on the command, in the motor, as loads, on levels, as other
-    torques; within a group in the order of the model. A level is first multiplied, then increased.
-    Effects may read ``load``, the sum of d and all load effects. ``sensed`` adds the outputs
-    theta_m, w_m with the sensor effects inside, ``loads`` theta_load, w_load of these couplings.
+    Effects act in physical order, STAGES, within a group in the order of the model. ``sensed`` adds
+    the outputs theta_m, w_m with the sensor effects inside, ``loads`` theta_load, w_load of these
+    couplings.
     """
     friction, uses = Part("", model.friction.block), _uses(model)
     for use in uses:
@@ -137,12 +136,10 @@ class _Sensing:
             w, theta = found["w_m"], found["theta_m"]
         return w, theta
 
-    def flat(self, rates: Rates) -> list[Any]:
-        return [rate for part in self.parts for rate in rates[part.prefix]]
-
     def __call__(self, t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
         rates: Rates = {}
-        return *self.seen(self.signals(t, given), values, rates), *self.flat(rates)
+        measured = self.seen(self.signals(t, given), values, rates)
+        return *measured, *(rate for part in self.parts for rate in rates[part.prefix])
 
     def block(self) -> Block:
         own = {k: p for part in self.parts for k, p in part.parameters.items()}
@@ -182,7 +179,8 @@ class _Motion(_Sensing):
             own = dict(zip(part.block.states, (signals[k] for k in part.states), strict=True))
             turn, inertia = (own["twist"], own["w_load"]), values[f"{part.prefix}load_inertia"]
             beyond += load_motion(signals["theta"], signals["w"], *turn, inertia)
-        return F, *measured, *beyond, signals["w"], dw, *self.flat(rates)
+        own = (rate for part in self.parts for rate in rates[part.prefix])
+        return F, *measured, *beyond, signals["w"], dw, *own
 
 
 STAGES = ("command", "motor", "load", "level", "torque")  # along the signals of a drive
@@ -201,9 +199,7 @@ def _applied(
     effects: Sequence[Part], signals: dict[str, Any], values: Mapping[str, Any], rates: Rates
 ) -> tuple[Any, dict[str, Any]]:
     """All effects: the resisting torque and the plant's values; u and load are set in signals.
-
-    Effects on levels read the plant's own values, before any effect multiplies them.
-    """
+    Effects on levels read the plant's own values, before any effect multiplies them."""
 
     def deeds(at: str, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         for part in effects:
@@ -226,10 +222,7 @@ def _applied(
 
 
 def _leveled(values: Mapping[str, Any], deeds: Sequence[tuple[str, Any]]) -> dict[str, Any]:
-    """The values after deeds on levels, which are first multiplied by 1 + x, then increased.
-
-    A level that the friction law does not have is skipped.
-    """
+    """The values after deeds on levels that there are: multiplied by 1 + x, then increased."""
     made = dict(values)
     for act, out in deeds:
         if act in made:

@@ -23,61 +23,74 @@ SCALE = P(1.0, "1")
 ROUND = 0.02  # width over which a corner is rounded, as a share of the distance between points
 
 
-@dataclass(frozen=True)
-class _Line:
-    """Straight lines through points, constant outside them: level + sum_i c_i |x - x_i| / 2.
+Corners = tuple[tuple[float, float, float], ...]  # place x_i, change of slope c_i, half-width
 
-    |x - x_i| is written sqrt((x - x_i)^2 + delta_i^2), delta_i one fiftieth of the distance
-    between the points: without kinks a solver need not stop at each point.
+
+def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, Corners]:
+    """The level and the corners of straight lines through points, constant outside them."""
+    gap = np.diff(x)
+    change = np.diff(np.r_[0.0, np.diff(y) / gap, 0.0])
+    width = np.minimum(np.r_[gap[0], gap], np.r_[gap, gap[-1]])
+    return 0.5 * float(y[0] + y[-1]), _corners(x, change, width)
+
+
+def _ring(x: np.ndarray, y: np.ndarray) -> tuple[float, Corners]:
+    """The mean and the corners of straight lines through points of one turn, closed."""
+    gap = np.diff(np.r_[x, x[0] + TURN])
+    slope = np.diff(np.r_[y, y[0]]) / gap
+    mean = float(np.sum(gap * (y + np.roll(y, -1)))) / (2.0 * TURN)
+    return mean, _corners(x, slope - np.roll(slope, 1), np.minimum(gap, np.roll(gap, 1)))
+
+
+def _corners(*of: np.ndarray) -> Corners:
+    x, change, width = of
+    return tuple(zip(x.tolist(), change.tolist(), (ROUND * width).tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """The function of :func:`tabulated`: a line for each direction of w, or for both.
+
+    A line is level + sum_i c_i |x - x_i| / 2, where |x - x_i| is written
+    sqrt((x - x_i)^2 + delta_i^2), delta_i one fiftieth of the distance between the points: without
+    kinks a solver need not stop at each point. Closed, it is mean + sum_i c_i g(theta - x_i): g''
+    is one impulse less its mean over the turn, so with d = theta - x_i in (-pi, pi]
+    g = |d|/2 - d^2/(4 pi) = pi/4 - a^2/pi, where a = (pi - |d|)/2 = arctan2(cos(d/2), |sin(d/2)|).
+    The c_i sum to zero, so the constant pi/4 drops.
     """
 
-    level: float
-    corners: tuple[tuple[float, float, float], ...]
-    """Place x_i, change of slope c_i, half-width delta_i."""
+    signal: str
+    periodic: bool
+    lines: tuple[tuple[float, Corners], ...]
 
-    @classmethod
-    def through(cls, x: np.ndarray, y: np.ndarray) -> _Line:
-        gap = np.diff(x)
-        slope = np.r_[0.0, np.diff(y) / gap, 0.0]
-        width = np.minimum(np.r_[gap[0], gap], np.r_[gap, gap[-1]])
-        return cls(0.5 * float(y[0] + y[-1]), _corners(x, np.diff(slope), width))
+    def __call__(self, *given: Any, scale: Any, eps: Any = EPS.value) -> Any:
+        of = self._closed if self.periodic else self._open
+        first, *others = (of(given[0], *line) for line in self.lines)
+        if not others:
+            return scale * first
+        way = np.tanh(given[1] / eps)
+        return scale * (0.5 * (first + others[0]) + 0.5 * (first - others[0]) * way)
 
-    def __call__(self, x: Any) -> Any:
-        total = self.level + 0.0 * x
-        for place, change, width in self.corners:
+    def _open(self, x: Any, level: float, corners: Corners) -> Any:
+        total = level + 0.0 * x
+        for place, change, width in corners:
             total = total + 0.5 * change * np.sqrt((x - place) * (x - place) + width * width)
         return total
 
-
-class _Ring(_Line):
-    """Straight lines through points of one turn, closed: mean + sum_i c_i g(theta - x_i).
-
-    g'' is one impulse less its mean over the turn, so with d = theta - x_i in (-pi, pi]
-    g = |d|/2 - d^2/(4 pi) = pi/4 - a^2/pi, where a = (pi - |d|)/2 = arctan2(cos(d/2), |sin(d/2)|).
-    The c_i sum to zero, so the constant pi/4 drops. |sin(d/2)| is rounded as in :class:`_Line`.
-    """
-
-    @classmethod
-    def through(cls, x: np.ndarray, y: np.ndarray) -> _Ring:
-        gap = np.diff(np.r_[x, x[0] + TURN])
-        slope = np.diff(np.r_[y, y[0]]) / gap
-        mean = float(np.sum(gap * (y + np.roll(y, -1)))) / (2.0 * TURN)
-        change, width = slope - np.roll(slope, 1), np.minimum(gap, np.roll(gap, 1))
-        return cls(mean, _corners(x, change, width))
-
-    def __call__(self, x: Any) -> Any:
-        total, sine, cosine = self.level + 0.0 * x, np.sin(0.5 * x), np.cos(0.5 * x)
-        for place, change, width in self.corners:
+    def _closed(self, x: Any, mean: float, corners: Corners) -> Any:
+        total, sine, cosine = mean + 0.0 * x, np.sin(0.5 * x), np.cos(0.5 * x)
+        for place, change, width in corners:
             s, c = np.sin(0.5 * place), np.cos(0.5 * place)
             away = sine * c - cosine * s
             a = np.arctan2(cosine * c + sine * s, np.sqrt(away * away + 0.25 * width * width))
             total = total - change / np.pi * a * a
         return total
 
-
-def _corners(*of: np.ndarray) -> tuple[tuple[float, float, float], ...]:
-    x, change, width = of
-    return tuple(zip(x.tolist(), change.tolist(), (ROUND * width).tolist(), strict=True))
+    def block(self) -> Block:
+        two, timed = len(self.lines) == 2, self.signal == "t"
+        inputs = (*(() if timed else (self.signal,)), *(("w",) if two else ()))
+        parameters = {"scale": SCALE} | ({"eps": EPS} if two else {})
+        return Block("table", "effect", self, inputs, ("d",), (), parameters, timed=timed)
 
 
 def tabulated(
@@ -154,27 +167,6 @@ def tabulated(
             raise InputError(
                 f"{name}: a periodic table must be over theta, with points within one turn."
             )
-    line = _Ring if periodic else _Line
-    block = _Lines(signal, tuple(line.through(x, y) for y in rows)).block()
-    return block.system(name=name, inputs=inputs, outputs=outputs)
-
-
-@dataclass(frozen=True)
-class _Lines:
-    """The function of :func:`tabulated`: a line for each direction of w, or for both."""
-
-    signal: str
-    lines: tuple[_Line, ...]
-
-    def __call__(self, *given: Any, scale: Any, eps: Any = EPS.value) -> Any:
-        first, *others = (line(given[0]) for line in self.lines)
-        if not others:
-            return scale * first
-        way = np.tanh(given[1] / eps)
-        return scale * (0.5 * (first + others[0]) + 0.5 * (first - others[0]) * way)
-
-    def block(self) -> Block:
-        two, timed = len(self.lines) == 2, self.signal == "t"
-        inputs = (*(() if timed else (self.signal,)), *(("w",) if two else ()))
-        parameters = {"scale": SCALE} | ({"eps": EPS} if two else {})
-        return Block("table", "effect", self, inputs, ("d",), (), parameters, timed=timed)
+    line = _ring if periodic else _line
+    made = _Lines(signal, bool(periodic), tuple(line(x, y) for y in rows)).block()
+    return made.system(name=name, inputs=inputs, outputs=outputs)

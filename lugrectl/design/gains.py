@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize
 
-from ..blocks.aliases import meant
+from ..blocks.declaration import meant
 from ..blocks.friction import level, relaxation
 from ..blocks.observers import observer_block
 from ..core.display import Row, Shown

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..blocks import AUTO
-from ..blocks.aliases import listed
 from ..blocks.block import members, unit_for
+from ..blocks.declaration import listed
 from ..blocks.model import Model, as_model, changed
 from ..core.blas_threads import one_blas_thread
 from ..core.deadline import within
@@ -21,7 +21,7 @@ from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.regression import paired
 from ..core.result import ComparedRows, Fields, library, picked, plain
 from ..core.validation import positive, share, shown
-from ..engine.runtime.backend import each_beside
+from ..engine.backend import each_beside
 from ..torque_balance.constants import ALPHA, SCALE
 from ..torque_balance.plain import alone
 from .asked import Asked, judged_by

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from ..blocks import AUTO
-from ..blocks.aliases import block_named, name_of
+from ..blocks.declaration import block_named, name_of
 from ..blocks.model import Model, Sent, as_model
 from ..core.blas_threads import one_thread_each
 from ..core.display import Row, Shown

@@ -26,8 +26,8 @@ from ..core.deadline import check as check_time
 from ..core.errors import InputError, Refused
 from ..core.numeric import Z95, rms
 from ..core.option_names import option
-from ..engine.runtime.backend import compiler
-from ..engine.runtime.batch_run import Lanes
+from ..engine.backend import compiler
+from ..engine.batch_run import Lanes
 from ..estimates.covariance import Joint, Residuals, residuals_of
 from ..estimates.findings import Traces
 from ..record import Record, consistent, long_enough_to_judge

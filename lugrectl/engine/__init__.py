@@ -1,10 +1,9 @@
 """The fast engine: trace python-control systems, generate code, step one run or many."""
 
 from ..core.errors import Diverged
-from .expression.numpy_protocol import TraceError
-from .runtime.adaptive_run import Engine
-from .runtime.batch_run import Lanes
-from .tracing.network import AlgebraicLoop
-from .tracing.tracer import Program, trace
+from .adaptive_run import Engine
+from .batch_run import Lanes
+from .graph import TraceError
+from .tracer import AlgebraicLoop, Program, trace
 
 __all__ = ["AlgebraicLoop", "Diverged", "Engine", "Lanes", "Program", "TraceError", "trace"]

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ..blocks.declared_values import Stated
-from ..blocks.model import Model, as_model
+from ..blocks.model import Model, Stated, as_model
 from ..core.display import Row, number
 from ..core.errors import InputError, Refused
 from ..core.numeric import Z95

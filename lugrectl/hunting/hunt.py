@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..blocks import controllers
-from ..blocks.drive import dead_time as delayed
-from ..blocks.drive import limiter
+from ..blocks.controllers import dead_time as delayed
+from ..blocks.controllers import limiter
 from ..blocks.model import Model, as_model
 from ..blocks.plant import plant
 from ..core.display import Row, Shown, noticed

@@ -17,7 +17,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.drive import DeadTime, dead_times
+from ..blocks.controllers import DeadTime, dead_times
 from ..core.errors import InputError
 from ..core.validation import array, shown
 from .exact import Poly, Quasi, add, divide, gcd, mul, scale

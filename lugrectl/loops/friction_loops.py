@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks import controllers
-from ..blocks.aliases import meant, name_of
 from ..blocks.block import Block, members
-from ..blocks.drive import current_lag, dead_time, limiter, proportional
-from ..blocks.drive import notch as notch_block
+from ..blocks.controllers import current_lag, dead_time, limiter, proportional
+from ..blocks.controllers import notch as notch_block
+from ..blocks.declaration import meant, name_of
 from ..blocks.factories import friction
 from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import Gain, believed, friedland_park_observer, observer, observer_block

@@ -16,17 +16,22 @@ import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..blocks.drive import dead_time, dead_times
+from ..blocks.controllers import dead_time, dead_times
 from ..core.errors import Diverged, InputError
 from ..core.validation import nearest, positive, whole
-from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.adaptive_run import Accuracy, Course, Track
-from ..engine.runtime.delays import run_late
-from ..engine.runtime.endings import bounded, first_bad, warn_unsettled
-from ..engine.runtime.interpreted_run import Called
-from ..engine.runtime.memo import compiled
-from ..engine.tracing.network import Net, Part
-from ..engine.tracing.tracer import traced_net
+from ..engine.adaptive_run import (
+    Accuracy,
+    Called,
+    Course,
+    Track,
+    bounded,
+    first_bad,
+    warn_unsettled,
+)
+from ..engine.delays import run_late
+from ..engine.graph import TraceError
+from ..engine.memo import compiled
+from ..engine.tracer import Net, Part, traced_net
 from . import arguments
 
 MOST = 1e8  # updates in a run: an array of them is 0.8 GB
@@ -97,8 +102,7 @@ def simulate(
     InputError
         For times that do not increase, shapes that do not fit, a NaN in an input, an unknown
         input or parameter, a value outside its bounds, an unknown method, an rtol outside
-        (0, 1), or an algebraic loop that has no linear equations with one solution (the blocks
-        are named).
+        (0, 1), or an algebraic loop (the blocks are named).
     Diverged
         When a state or signal grows without bound or becomes NaN; the message names it, its
         block and the time. Without bound is beyond 1e15 of the inputs and initial states (at
@@ -116,9 +120,7 @@ def simulate(
     warning reports it. Compiled code serves the next call while the equations are the same: what
     a function of yours reads from outside (a global, an entry of a dictionary, an array) is read
     again at each call. A system whose functions cannot be traced is simulated by LSODA, with a
-    warning that names the block. Outputs that depend on themselves at the same instant are
-    solved where their equations are linear in them (two lags with feed-through in a loop);
-    python-control refuses such a loop.
+    warning that names the block.
 
     A sampled block is updated at the multiples of its sample time. It reads its inputs at that
     instant, sets its outputs at once, holds them until the next update, and advances its

@@ -23,8 +23,8 @@ from ..blocks.model import Model, Parameters, as_model
 from ..core.block_system import BlockSystem
 from ..core.errors import InputError
 from ..core.validation import array, names, positive
-from ..engine.expression.numpy_protocol import TraceError, signal_array
-from ..engine.runtime.substeps import Substeps
+from ..engine.graph import TraceError, signal_array
+from ..engine.substeps import Substeps
 from . import arguments
 
 MOST = 1e5  # substeps in a sample

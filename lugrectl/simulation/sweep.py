@@ -20,13 +20,12 @@ from ..core.progress import Wanted, bar_for, reporter, shows_progress
 from ..core.result import Result, library, plain
 from ..core.validation import array, shown, whole
 from ..core.views import view
-from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.adaptive_run import Accuracy, Course, Engine
-from ..engine.runtime.backend import threads
-from ..engine.runtime.delays import lates
-from ..engine.runtime.endings import bounded, first_bad
-from ..engine.runtime.memo import compiled
-from ..engine.tracing.network import Net
+from ..engine.adaptive_run import Accuracy, Course, Engine, bounded, first_bad
+from ..engine.backend import threads
+from ..engine.delays import lates
+from ..engine.graph import TraceError
+from ..engine.memo import compiled
+from ..engine.tracer import Net
 from . import arguments
 from .response import net_of, simulate
 

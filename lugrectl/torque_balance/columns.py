@@ -32,7 +32,7 @@ from ..blocks.friction import level as sliding_level
 from ..blocks.plant import borrowed
 from ..core.bare_system import BareSystem
 from ..engine import TraceError
-from ..engine.runtime.batch_run import Lanes
+from ..engine.batch_run import Lanes
 from . import constants as const
 from .motion import bend, cubic, slope
 

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..blocks.block import Block, members
-from ..blocks.declared_values import Stated
 from ..blocks.friction import free_level
+from ..blocks.model import Stated
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..core.regression import Prior, left_out_covariance, log_density, memory_blocks, robust, spread

@@ -22,9 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..blocks.block import members, unit_for
-from ..blocks.declared_values import Stated
 from ..blocks.friction import free_level
-from ..blocks.model import Model
+from ..blocks.model import Model, Stated
 from ..core.errors import Refused
 from ..core.option_names import option
 from ..core.regression import Prior, log_density, paired, robust

@@ -23,7 +23,7 @@ import numpy as np
 
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
-from lugrectl.engine.runtime.backend import threads
+from lugrectl.engine.backend import threads
 
 from ..drives import make
 from ..drives.record import Case

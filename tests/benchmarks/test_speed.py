@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import Lanes, TraceError
-from lugrectl.engine.runtime import adaptive_run, batch_run, memo
-from lugrectl.engine.runtime.backend import has_wide
+from lugrectl.engine import Lanes, TraceError, adaptive_run, batch_run, memo
+from lugrectl.engine.backend import has_wide
 
 from ..cases.systems import DT, torque
 from ..cases.wide import WIDE, plant

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blocks.aliases import name_of
+from lugrectl.blocks.declaration import name_of
 
 P = lg.table1()
 T = 4e-3 * np.arange(3000)

@@ -9,7 +9,7 @@ import lugrectl as lg
 from lugrectl.blocks import declaration
 from lugrectl.blocks.block import REGISTRY, members, unit_for
 from lugrectl.blocks.plant import assemble
-from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine import adaptive_run
 
 from ..cases import laws
 from ..cases.drives import EFFECTS, LAWS, arguments, law_for, model_of, own, plant_of, strong

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.blocks.drive import dead_times
-from lugrectl.engine.runtime import adaptive_run
+from lugrectl.blocks.controllers import dead_times
+from lugrectl.engine import adaptive_run
 
 from ..cases.observed import P
 from ..cases.observed import relaxation as rate

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp, trapezoid
 
 import lugrectl as lg
 from lugrectl.blocks.model import model_toml
-from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine import adaptive_run
 
 from ..cases.laws import (
     CASES,

@@ -17,7 +17,7 @@ import control as ct
 import numpy as np
 
 import lugrectl as lg
-from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine import adaptive_run
 
 NEAR = 1e-5  # of the largest value of a row, or of 1
 TIGHT = {"rtol": 1e-9, "atol": 1e-11}

@@ -8,9 +8,8 @@ import control as ct
 import numpy as np
 
 import lugrectl as lg
-from lugrectl.engine.runtime.adaptive_run import Accuracy, Course, Engine, Now, Track
-from lugrectl.engine.tracing.network import Net
-from lugrectl.engine.tracing.tracer import traced_net
+from lugrectl.engine.adaptive_run import Accuracy, Course, Engine, Now, Track
+from lugrectl.engine.tracer import Net, traced_net
 
 DT = 1e-3
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blocks.declared_values import Stated
+from lugrectl.blocks.model import Stated
 from lugrectl.cli import main
 from lugrectl.core.errors import InputError
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime.adaptive_run import chosen_backend
+from lugrectl.engine.adaptive_run import chosen_backend
 
 from ..benchmarks import item
 from ..cases.own import moving, static

@@ -15,7 +15,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.plant import assemble
-from lugrectl.engine.runtime.batch_run import Lanes
+from lugrectl.engine.batch_run import Lanes
 
 LAWS = {
     "coulomb": {"J": 0.004, "Fc": 0.12, "Fv": 0.006},
@@ -169,5 +169,5 @@ def test_lanes_are_what_simulate_returns(law):
 @pytest.mark.parametrize("law", ["coulomb", "stribeck"])
 def test_one_lane_many_lanes_and_numpy_stop_at_the_same_places(law):
     t, u, motion = exact(law, "pulses", 500)
-    for backend, count in ((None, 1), (None, 9), ("numpy", 2)):
+    for backend, count in ((None, 1), (None, 9), ("python", 2)):
         assert np.abs(run(lanes_of(law, backend), law, u, t[1], count) - motion).max() < 1e-4

@@ -149,7 +149,7 @@ def test_blocks_of_the_package_are_not_traced_again(monkeypatch):
     """Nothing that they read can change: the second call costs no trace."""
     loop = lg.velocity_loop(lg.table1(), "proposed")
     lg.simulate(loop, T, 0.1)
-    for name in ("runtime.memo.traced_net", "runtime.memo.single"):
+    for name in ("memo.traced_net", "memo.single"):
         monkeypatch.setattr(f"lugrectl.engine.{name}", None)
     lg.simulate(loop, T, 0.2)
 

@@ -11,7 +11,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.engine import TraceError, trace
-from lugrectl.engine.expression.graph import Graph, evaluate
+from lugrectl.engine.graph import Graph, evaluate
 
 from ..cases.own import moving
 from ..cases.systems import engine_run

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lugrectl.engine import Lanes
-from lugrectl.engine.codegen.fixed_step import is_wide
-from lugrectl.engine.runtime import batch_run
-from lugrectl.engine.runtime.backend import has_wide
+from lugrectl.engine import Lanes, batch_run
+from lugrectl.engine.backend import has_wide
+from lugrectl.engine.fixed_step import is_wide
 
 from ..cases.own import moving
 from ..cases.systems import DT, torque

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine import TraceError, trace
-from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
+from lugrectl.engine.graph import Graph, derivatives, evaluate
 from lugrectl.simulation.response import simulate
 
 from ..cases.own import moving

@@ -12,6 +12,8 @@ import pytest
 
 import lugrectl as lg
 
+from . import stub
+
 NAMES = [name for name in lg.__all__ if callable(getattr(lg, name))]
 # order and names of the sections, summary, a description of each parameter and of what is
 # returned, examples
@@ -56,3 +58,9 @@ def test_its_example_runs(name, tmp_path, monkeypatch):
 def test_few_lines_of_examples_are_not_run():
     docs = [inspect.getdoc(getattr(lg, name)) or "" for name in NAMES]
     assert sum(doc.count("doctest: +SKIP") for doc in docs) <= SKIPPED
+
+
+def test_the_stub_for_editors_is_what_would_be_written():
+    """Else: python -m tests.house.stub."""
+    pytest.importorskip("ruff")
+    assert stub.STUB.read_text() == stub.stub()

@@ -26,7 +26,6 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"commissioning", "diagnosis", "paper"},
         {"cli"},
     ],
-    "engine": [{"expression"}, {"tracing"}, {"codegen"}, {"runtime"}],
 }
 SHOWING = {"report", "paper", "cli", "__main__"}  # rooms that draw and print
 ARROWS = 59  # between the rooms of the package, at most

@@ -27,7 +27,7 @@ def test_there_are_six_pages_and_readme_links_to_each():
 
 @each
 def test_a_page_is_stored_as_it_ran_and_small_to_be_read(path):
-    """All cells in order, without an error; it names folders as lugrectl/engine/tracing."""
+    """All cells in order, without an error; it names folders as lugrectl/engine/tracer.py."""
     cells = code(path)
     assert [c.execution_count for c in cells] == list(range(1, len(cells) + 1))
     outputs = [output for c in cells for output in c.outputs]

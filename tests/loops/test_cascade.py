@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine import adaptive_run
 from lugrectl.simulation.response import simulate
 
 P = lg.table1()

@@ -11,8 +11,7 @@ from scipy.linalg import expm
 
 import lugrectl as lg
 from lugrectl.core.errors import Diverged
-from lugrectl.engine import AlgebraicLoop
-from lugrectl.engine.runtime import adaptive_run, memo
+from lugrectl.engine import AlgebraicLoop, adaptive_run, memo
 from lugrectl.simulation.response import simulate
 
 from ..cases.own import row, static, user_block

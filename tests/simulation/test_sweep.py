@@ -15,7 +15,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core.errors import InputError
-from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine import adaptive_run
 from lugrectl.simulation.sweep import parameter_columns
 
 from ..cases.ensembles import T, growth, lag, last, noise, ramp, step_response

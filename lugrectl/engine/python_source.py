@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
-from ..expression.graph import Node, reachable, substitute, symbols_in
-from ..expression.numpy_protocol import OPS
+from .graph import OPS, Node, reachable, substitute, symbols_in
 
 SCALAR_HEADER = """from math import (
     acos, asin, atan, atan2, cos, cosh, exp, expm1, inf, isfinite, log, log10, log1p, nan,
@@ -31,8 +31,7 @@ _NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
 
 
 class Emitter:
-    """Writes each node once: nodes that depend on ``fixed`` symbols only, which do not change
-    inside the loop for which the code is written, go into ``head``.
+    """Writes each node once, what depends on ``fixed`` symbols only into ``head``.
 
     ``kind`` is "scalar", "array", or "wide": for floats, in a form that can be vectorised.
     ``prefix`` begins the names of the variables.
@@ -78,9 +77,9 @@ class Emitter:
             return f"called[{node.value}]({', '.join(['{}'] * len(node.args))})"
         if node.op == "item":
             return f"{{}}[{node.value}]"
-        op = OPS[node.op]
-        template = op.array if self.kind == "array" else op.scalar
-        return _OWN.get((self.kind, node.op), template)
+        if self.kind == "array":
+            return f"np.{node.op}({', '.join(['{}'] * len(node.args))})"
+        return _OWN.get((self.kind, node.op), OPS[node.op])
 
 
 class Section:
@@ -94,9 +93,10 @@ class Section:
         fixed: Iterable[str] = (),
         *,
         at_once: bool = False,
+        kind: str = "scalar",
     ) -> None:
         self.names, self.nodes, self.prefix, self.at_once = names, nodes, prefix, at_once
-        self.emitter = Emitter("scalar", prefix, fixed)
+        self.emitter = Emitter(kind, prefix, fixed)
         self.codes = self.emitter.write(nodes)
 
     def lines(self, guarded: bool = False) -> list[str]:
@@ -130,11 +130,7 @@ class Section:
 
 
 def reciprocals(roots: Sequence[Node]) -> list[Node]:
-    """The roots with a (1/b) in place of a/b: equal except for rounding.
-
-    For compiled code: 1/b is shared, moves out of the loop if b does not change, and can be
-    computed before a is known.
-    """
+    """The roots with a (1/b) in place of a/b: 1/b is shared and moves out of the loop."""
 
     def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
         plain = node.op != "divide" or args[0].is_constant(1.0)
@@ -146,6 +142,40 @@ def reciprocals(roots: Sequence[Node]) -> list[Node]:
 def indent(lines: Iterable[str], depth: int) -> str:
     """The lines as one text, indented by ``depth`` steps; ``pass`` if there are none."""
     return "\n".join("    " * depth + line for line in (list(lines) or ["pass"]))
+
+
+def written(
+    template: str,
+    groups: Mapping[str, Sequence[Mapping[str, Any]]],
+    codes: Mapping[str, Sequence[str]],
+    **words: Any,
+) -> str:
+    """The text of a template: what is below ``each NAME:`` is repeated for each row of a group,
+    and the lines of a code stand for ``code NAME``. Braces hold words, or those of the row."""
+
+    def of(lines: Sequence[str], words: Mapping[str, Any]) -> Iterator[str]:
+        k = 0
+        while k < len(lines):
+            line, k = lines[k], k + 1
+            what, _, name = line.strip().partition(" ")
+            depth = len(line) - len(line.lstrip())
+            if what == "each":
+                begin = k
+                while k < len(lines) and lines[k].startswith(" " * (depth + 4)):
+                    k += 1
+                for row in groups[name.rstrip(":")]:
+                    yield from of([inner[4:] for inner in lines[begin:k]], {**words, **row})
+            elif what == "code":
+                yield from (" " * depth + own for own in codes[name] or ["pass"])
+            else:
+                yield line.format_map(words)
+
+    return "\n".join(of(template.rstrip().split("\n"), words)) + "\n"
+
+
+def numbered(names: Iterable[Any]) -> list[dict[str, Any]]:
+    """The rows of a group of names."""
+    return [{"i": i, "name": name} for i, name in enumerate(names)]
 
 
 def summed(terms: Sequence[str]) -> str:

@@ -8,14 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..expression.graph import Node, affine
-from ..expression.numpy_protocol import TraceError
-from ..tracing.network import Net
-from ..tracing.tracer import traced_net
-from .adaptive_run import Accuracy, Course, Engine
-from .endings import warn_unsettled
-from .interpreted_run import Called
+from .adaptive_run import Accuracy, Called, Course, Engine, warn_unsettled
+from .graph import Node, TraceError, affine
 from .memo import ALONE, described, is_number
+from .tracer import Net, traced_net
 
 ERROR = Accuracy(1e-6)  # allowed in a substep, relative to the largest value of each state
 

@@ -1,9 +1,8 @@
 """Derives the equations of python-control systems by calling their own functions on symbols.
 
-The blocks' update and output functions run once, through python-control's own connections, with
-symbolic scalars in place of numbers. Numeric parameters remain arguments; anything else that a
-function reads has its value at the time of tracing. A net has a flow between updates (ticks), and
-the updates; a system alone is a net of one part. A trace is compared with the system itself.
+Each function runs once, with symbolic scalars for its signals and numeric parameters; anything else
+that it reads has its value of now. What the blocks read of each other is put in afterwards. A net
+has a flow between updates (ticks), and the updates; a system alone is a net of one part.
 """
 
 from __future__ import annotations
@@ -11,29 +10,168 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.bare_system import BareSystem
-from ...core.errors import InputError
-from ..expression.graph import Graph, Node, evaluate, outline, rename, sharp, symbols_in
-from ..expression.numpy_protocol import TraceError, signal_array
-from .network import Net, Rows, Unsolved, Wires, is_wired, settled
+from ..core.bare_system import BareSystem
+from ..core.errors import InputError
+from .graph import (
+    Graph,
+    Node,
+    TraceError,
+    evaluate,
+    outline,
+    reachable,
+    rename,
+    sharp,
+    signal_array,
+    symbols_in,
+)
 
 if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
     import control as ct
+
+
+def is_wired(system: Any) -> bool:
+    """Whether a system is an interconnection."""
+    return hasattr(system, "syslist")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A block, its signals in the net, and the number of its sample time, None for none."""
+
+    block: Any
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    group: int | None = None
+
+    @classmethod
+    def of(cls, block: Any, group: int | None = None) -> Part:
+        """Return a block with its own names for its signals."""
+        return cls(block, tuple(block.input_labels), tuple(block.output_labels), group)
+
+    @property
+    def sampled(self) -> bool:
+        return self.group is not None
+
+    @property
+    def nstates(self) -> int:
+        return int(self.block.nstates or 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Net:
+    """Parts, whose outputs of the same name are added, and the external signals.
+
+    ``earlier``: at an update the sampled parts read the values of the others just before it.
+    ``alone``: the net of one system, whose names it has.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    outside: tuple[str, ...]
+    groups: int
+    earlier: bool = False
+    alone: bool = False
+
+    @classmethod
+    def of(cls, system: Any, *, sampled: bool = True) -> Net:
+        """Return the net of one system; without ``sampled`` a discrete one acts at any instant."""
+        part = Part.of(system, 0 if sampled and system.isdtime(strict=True) else None)
+        return cls(system.name, (part,), part.inputs, int(part.sampled), alone=True)
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """All output names, each once."""
+        if self.alone:
+            return self.parts[0].outputs
+        return tuple(dict.fromkeys(self._made))
+
+    @cached_property
+    def _made(self) -> list[str]:
+        return [label for part in self.parts for label in part.outputs]
+
+    def makers(self, label: str) -> str:
+        """The names of the blocks that put out a signal."""
+        return ", ".join(
+            dict.fromkeys(part.block.name for part in self.parts if label in part.outputs)
+        )
+
+    @cached_property
+    def entry(self) -> np.ndarray:
+        """The inputs of all blocks from outside."""
+        return _equal([label for part in self.parts for label in part.inputs], self.outside)
+
+    @cached_property
+    def connect(self) -> np.ndarray:
+        """Their inputs as sums of all outputs; what comes from outside comes from there alone."""
+        made = _equal([label for part in self.parts for label in part.inputs], self._made)
+        return made * (self.entry.sum(axis=1, keepdims=True) == 0.0)
+
+    @cached_property
+    def gather(self) -> np.ndarray:
+        """The signals as sums of all outputs."""
+        return _equal(self.signals, self._made)
+
+    @cached_property
+    def held(self) -> list[tuple[int, int]]:
+        """Part and output of each value that is held between updates."""
+        sampled = [(i, part) for i, part in enumerate(self.parts) if part.sampled]
+        return [(i, j) for i, part in sampled for j in range(len(part.outputs))]
+
+    @cached_property
+    def places(self) -> list[slice]:
+        """Each part's states among those of the continuous or those of the sampled parts."""
+        ends, slices = {True: 0, False: 0}, []
+        for part in self.parts:
+            begin = ends[part.sampled]
+            ends[part.sampled] = begin + part.nstates
+            slices.append(slice(begin, begin + part.nstates))
+        return slices
+
+    def states(self, *, sampled: bool | None = None) -> tuple[str, ...]:
+        """``block_state``, of the continuous parts, the sampled ones, or all in their order."""
+        own = [p for p in self.parts if p.nstates and sampled in (None, p.sampled)]
+        return tuple(
+            label if self.alone else f"{part.block.name}_{label}"
+            for part in own
+            for label in part.block.state_labels
+        )
+
+    @property
+    def looped(self) -> bool:
+        """Whether there are several blocks, which may feed each other back."""
+        return len(self.parts) > 1 or any(is_wired(part.block) for part in self.parts)
+
+    @property
+    def wiring(self) -> tuple[Any, ...]:
+        """All but the blocks themselves."""
+        parts = tuple((part.inputs, part.outputs, part.group) for part in self.parts)
+        return parts, self.outside, self.groups, self.earlier, self.alone, self.name
+
+    def count(self, sampled: bool) -> int:
+        """The number of states of the continuous or the sampled parts."""
+        return sum(part.nstates for part in self.parts if part.sampled is sampled)
+
+
+def _equal(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """1 where two names are the same."""
+    return np.array([[float(a == b) for b in columns] for a in rows]).reshape(
+        len(rows), len(columns)
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
     """The equations of a system: xdot = f(t, x, u, p), y = g(t, x, u, p) as graph nodes.
 
-    ``parameters`` are unique labels, ``keys`` their names in python-control (one key can have
-    different defaults in different blocks), ``defaults`` their values, ``widths`` the largest
-    value up to which each only smooths a sign (0: never). ``fixed`` holds the keys that were
-    needed as numbers during tracing.
+    ``parameters`` are unique labels, ``keys`` their names in python-control, ``widths`` the values
+    up to which each only smooths a sign. Those in ``fixed`` were needed as numbers.
     """
 
     name: str
@@ -86,6 +224,10 @@ class Program:
         return np.array([float(params.get(k, v)) for k, v in pairs])
 
 
+class AlgebraicLoop(InputError):
+    """Outputs that depend on themselves without a state in between."""
+
+
 AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
 NEAR = 1e-11  # of the arguments: how far rounding may move them
 POSITIVE = (1.0, 1e2, 1e4)  # where no other point gives a value: a root or a logarithm
@@ -96,11 +238,8 @@ class Differs(TraceError):
 
 
 def check(program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1)) -> None:
-    """Compare the trace of a block with its own functions at random points of these sizes.
-
-    Raises TraceError if they differ: a function keeps internal state, draws random numbers, or
-    computes something else for symbols than for numbers.
-    """
+    """Compare the trace of a block with its own functions at random points of these sizes;
+    TraceError where they differ."""
     random, current = np.random.default_rng(len(program.graph.nodes)), dict(block._current_params)
     for sizes, signed in ((scales, True), (POSITIVE, False)):
         points = [_point(program, random, size, signed) for size in sizes]
@@ -157,14 +296,13 @@ def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[A
 
 @dataclass(frozen=True, eq=False)
 class Hybrid:
-    """Flow and updates (ticks; none: not requested, or a system alone) of a net.
+    """Flow and updates (ticks) of a net.
 
-    The outputs of the flow are all signals. They depend on t, x, u and, if the net reads earlier
-    values, on the held values before the tick, ``b0``, ``b1``, ... Held values are inputs of the
-    flow, after the external inputs. A tick gives the sampled states ``new_q`` and held values
-    ``new_h`` from t, x, u, the states ``q`` before it, and a flag ``g0``, ... for each sample
-    time: 1 a tick, 0.5 only its outputs, 0 nothing. ``named`` are the outputs of all blocks on all
-    levels.
+    The outputs of the flow are all signals; its last inputs are the held values, ``b0``, ... those
+    before a tick. A tick gives the sampled states ``new_q`` and held values ``new_h`` from t, x, u,
+    the states ``q`` before it, and a flag ``g0``, ... for each sample time: 1 a tick, 0.5 only its
+    outputs. ``blocks`` are all blocks, on all levels, with the trace of each alone; ``at`` is what
+    their inputs read.
     """
 
     net: Net
@@ -172,7 +310,8 @@ class Hybrid:
     q: tuple[Node, ...]
     new_q: tuple[Node, ...]
     new_h: tuple[Node, ...]
-    named: dict[str, Node]
+    blocks: list[tuple[Any, Program]]
+    at: dict[int, Node]
 
     @property
     def ticked(self) -> tuple[Node, ...]:
@@ -181,10 +320,8 @@ class Hybrid:
 
     def check(self, *scales: Sequence[float]) -> None:
         """Compare the trace of each block with its own functions, with the parameters now set."""
-        alone = self.net.parts[0].block if self.net.alone and not self.ticked else None
-        for part in self.net.parts:
-            for block in blocks_in(part.block) if self.ticked or not part.sampled else ():
-                check(self.flow if block is alone else single(block), block, *scales)
+        for block, program in self.blocks:
+            check(program, block, *scales)
 
     def sharpened(self, params: Mapping[str, Any] | None) -> Hybrid:
         """The same with the flow as :meth:`Program.sharpened`."""
@@ -200,20 +337,20 @@ class Hybrid:
         """The first output of a block that is not finite: "output y of block b is nan"."""
         symbols = [self.flow.t, *self.flow.x, *self.flow.u, *self.flow.p]
         known = {node.value: v for node, v in zip(symbols, [t, *x, *u, *p], strict=True)}
-        labels = sorted(self.named, key=lambda label: self.named[label].index)
-        values = evaluate([self.named[label] for label in labels], known)
-        pairs = ((k, float(v)) for k, v in zip(labels, values, strict=True))
+        found = [
+            (node.index, f"output {label} of block {block.name}", node)
+            for block, program in self.blocks
+            for label, node in zip(program.outputs, rename(program.y, self.at), strict=True)
+        ]
+        _, labels, nodes = zip(*sorted(found, key=lambda row: row[0]), strict=True)
+        pairs = zip(labels, map(float, evaluate(nodes, known)), strict=True)
         return next(f"{k} is {v}" for k, v in pairs if not np.isfinite(v))
 
 
 def trace(
     system: ct.NonlinearIOSystem | BareSystem, params: Mapping[str, Any] | None = None
 ) -> Program:
-    """The equations of a continuous system, checked against the system itself.
-
-    Raises TraceError when a function branches on a signal, uses ``math``, or otherwise cannot be
-    traced; AlgebraicLoop when outputs depend on themselves; InputError for a discrete system.
-    """
+    """The equations of a continuous system, checked against the system itself."""
     if system.isdtime(strict=True):
         raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
     if None in (system.nstates, system.ninputs, system.noutputs):
@@ -236,13 +373,9 @@ def traced_net(
     exact: Sequence[int] = (),
     called: bool = False,
 ) -> Hybrid:
-    """The equations of a net, not yet checked: :meth:`Hybrid.check`.
-
-    Raises TraceError when a function cannot be traced, AlgebraicLoop when outputs depend on
-    themselves. Without ``ticks`` the sampled parts are not traced. The states ``exact`` of dead
-    times are the delayed signals: :class:`Graph`. With ``called`` all update functions, and the
-    output functions that cannot be traced, are called as they are.
-    """
+    """The equations of a net, not yet checked: :meth:`Hybrid.check`. The states ``exact`` are
+    delayed signals. With ``called`` all update functions, and the output functions that cannot be
+    traced, are called as they are."""
     for part in net.parts:
         part.block._update_params(params)
     return _Tracer(net, exact, called).hybrid(ticks and net.groups > 0)
@@ -263,7 +396,8 @@ class _Slot:
 
 
 class _Tracer:
-    """Symbols for a net and the walk through its blocks."""
+    """The walk through the blocks of a net: each function is called once, with symbols for the
+    block's own inputs; ``read`` says what each of them stands for."""
 
     def __init__(self, net: Net, exact: Sequence[int] = (), called: bool = False) -> None:
         self.net, self.graph, self.called = net, Graph(), called
@@ -276,7 +410,9 @@ class _Tracer:
         self.slots: dict[tuple[str, float], _Slot] = {}
         self.fixed: dict[str, Any] = {}
         self.values: dict[int, dict[str, Any]] = {}
-        self.answers: dict[Any, list[Node]] = {}
+        self.read: dict[int, Node] = {}
+        self.readers: dict[int, str] = {}
+        self.blocks: list[tuple[Any, Program]] = []
         for part in net.parts:
             blocks = list(blocks_in(part.block))
             self.values |= {id(block): dict(block._current_params) for block in blocks}
@@ -300,51 +436,74 @@ class _Tracer:
         return slot.node
 
     def hybrid(self, ticks: bool) -> Hybrid:
-        net, held = self.net, self._held()
-        inputs, outputs = self._settled(net.wires, self.u[: len(net.outside)], held, self._answer)
-        xdot = [
-            rate
+        net, values = self.net, iter(self.u[len(self.net.outside) :])
+        self.given = [self._inputs(part.block) for part in net.parts]
+        self.held = [[next(values) for _ in p.outputs] if p.sampled else None for p in net.parts]
+        none = list[Node](), list[Node]()
+        found = [
+            self._follow(part.block, self._own(i), self.given[i])
+            if ticks or not part.sampled
+            else none
             for i, part in enumerate(net.parts)
-            if not part.sampled
-            for rate in self._rates(part.block, self._own(i), inputs[i])
         ]
-        new_q, new_h = self._tick(outputs) if ticks else ((), ())
-        blocks = [part.block for part in net.parts]
-        states = [self._own(i) for i in range(len(blocks))]
-        named = dict(self._leaves(blocks, states, inputs, outputs))
+        rates, outputs = [row for row, _ in found], [row for _, row in found]
+        shown = [still or row for row, still in zip(outputs, self.held, strict=True)]
+        at = self._settled(shown)
+        flowing = [rename(row, at) for row in shown]
+        moving = (row for part, row in zip(net.parts, rates, strict=True) if not part.sampled)
+        xdot = rename([*chain(*moving)], at)
+        new_q, new_h = self._tick(rates, outputs, flowing) if ticks else ((), ())
         if net.earlier:
-            symbols = self.u[len(net.outside) :]
-            before = {u.index: self.graph.symbol(f"b{k}") for k, u in enumerate(symbols)}
-            outputs = [
-                rename(row, before) if still is None else row
-                for row, still in zip(outputs, held, strict=True)
-            ]
-        y = self._linear(net.gather, [*chain(*outputs)])
-        flow = self._named(xdot, y, [*new_q, *new_h])
-        return Hybrid(net, flow, self.q if ticks else (), new_q, new_h, named)
-
-    def _leaves(
-        self, blocks: Sequence[Any], states: Any, inputs: Rows, outputs: Rows
-    ) -> Iterator[tuple[str, Node]]:
-        """The outputs of the blocks on all levels."""
-        for block, x, u, y in zip(blocks, states, inputs, outputs, strict=True):
-            if is_wired(block):
-                wires, *inner = self._inside(block, x, u)
-                yield from self._leaves(wires.blocks, wires.split("states", x), *inner)
-            else:
-                labels = [f"output {k} of block {block.name}" for k in block.output_labels]
-                yield from zip(labels, y, strict=True)
-
-    def _named(self, xdot: Sequence[Node], y: Sequence[Node], more: Sequence[Node]) -> Program:
-        """The program of these equations, without parameters that entered them as numbers."""
-        net, seen = self.net, symbols_in([*xdot, *y, *more])
+            held = self.u[len(net.outside) :]
+            before = {u.index: self.graph.symbol(f"b{k}") for k, u in enumerate(held)}
+            pairs = zip(net.parts, flowing, strict=True)
+            flowing = [row if part.sampled else rename(row, before) for part, row in pairs]
+        y = self._linear(net.gather, [*chain(*flowing)])
+        seen = symbols_in([*xdot, *y, *new_q, *new_h])
         slots = [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
+        inputs = (*net.outside, *(net.parts[i].outputs[j] for i, j in net.held))
+        labels = net.name, net.states(sampled=False), inputs, net.signals
+        flow = self._program(labels, self.x, self.u, xdot, y, slots)
+        return Hybrid(net, flow, self.q if ticks else (), new_q, new_h, self.blocks, at)
+
+    def _own(self, i: int) -> Sequence[Node]:
+        return (self.q if self.net.parts[i].sampled else self.x)[self.net.places[i]]
+
+    def _tick(
+        self, rates: Sequence[list[Node]], outputs: Sequence[list[Node]], flowing: Any
+    ) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
+        """The sampled states and the held values after a tick."""
+        net = self.net
+        fresh = [
+            (flowing[i] if net.earlier else outputs[i])
+            if still is None
+            else self._chosen(i, 0.25, outputs[i], still)
+            for i, still in enumerate(self.held)
+        ]
+        at = self._settled(fresh)
+        new_q = [
+            q
+            for i, part in enumerate(net.parts)
+            if part.sampled
+            for q in self._chosen(i, 0.75, rename(rates[i], at), self._own(i))
+        ]
+        return tuple(new_q), tuple(rename([fresh[i][j] for i, j in net.held], at))
+
+    def _program(
+        self,
+        labels: tuple[str, Sequence[str], Sequence[str], Sequence[str]],
+        x: Sequence[Node],
+        u: Sequence[Node],
+        xdot: Sequence[Node],
+        y: Sequence[Node],
+        slots: Sequence[_Slot],
+    ) -> Program:
+        """The program of equations, with the parameters that did not enter them as numbers."""
+        name, *rows = labels
         keys = [slot.key for slot in slots]
         return Program(
-            name=net.name,
-            states=net.states(sampled=False),
-            inputs=(*net.outside, *(net.parts[i].outputs[j] for i, j in net.held)),
-            outputs=net.signals,
+            name,
+            *map(tuple, rows),
             parameters=tuple(slot.label(keys) for slot in slots),
             keys=tuple(keys),
             defaults=np.array([slot.value for slot in slots]),
@@ -352,46 +511,45 @@ class _Tracer:
             fixed=self.fixed,
             graph=self.graph,
             t=self.t,
-            x=self.x,
-            u=self.u,
+            x=tuple(x),
+            u=tuple(u),
             p=tuple(slot.node for slot in slots),
             xdot=tuple(xdot),
             y=tuple(y),
         )
 
-    def _own(self, i: int) -> Sequence[Node]:
-        return (self.q if self.net.parts[i].sampled else self.x)[self.net.places[i]]
+    def _inputs(self, block: Any) -> tuple[Node, ...]:
+        """Symbols for the inputs of a block."""
+        begin = len(self.readers)
+        made = tuple(self.graph.symbol(f"i{begin + j}") for j in range(block.ninputs))
+        self.readers |= {v.index: block.name for v in made}
+        return made
 
-    def _held(self) -> list[list[Node] | None]:
-        """The held outputs of the sampled parts, None for the others."""
-        values = iter(self.u[len(self.net.outside) :])
-        return [[next(values) for _ in p.outputs] if p.sampled else None for p in self.net.parts]
-
-    def _answer(self, i: int, inputs: Sequence[Node]) -> list[Node]:
-        return self._outputs(self.net.parts[i].block, self._own(i), inputs)
-
-    def _tick(self, flowing: Sequence[list[Node]]) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
-        """The sampled states and the held values after a tick."""
-        net, still = self.net, self._held()
-
-        def answer(i: int, inputs: Sequence[Node]) -> list[Node]:
-            fresh, held = self._answer(i, inputs), still[i]
-            return fresh if held is None else self._chosen(i, 0.25, fresh, held)
-
-        earlier = [
-            row if net.earlier and not part.sampled else None
-            for part, row in zip(net.parts, flowing, strict=True)
-        ]
-        inputs, outputs = self._settled(net.wires, self.u[: len(net.outside)], earlier, answer)
-        new_q = [
-            q
-            for i, part in enumerate(net.parts)
-            if part.sampled
-            for q in self._chosen(
-                i, 0.75, self._rates(part.block, self._own(i), inputs[i]), self._own(i)
-            )
-        ]
-        return tuple(new_q), tuple(outputs[i][j] for i, j in net.held)
+    def _follow(
+        self, system: Any, x: Sequence[Node], v: Sequence[Node]
+    ) -> tuple[list[Node], list[Node]]:
+        """Rates and outputs of a system, on all its levels, in terms of the blocks' inputs."""
+        if not is_wired(system):
+            outputs, rates = list(x[: system.noutputs]), list[Node]()
+            if system.outfcn is not None:
+                outputs = self._call(system, system.outfcn, x, v, system.noutputs)
+            if system.nstates:
+                rates = self._call(system, system.updfcn, x, v, system.nstates)
+            names = system.state_labels or (), system.input_labels, system.output_labels
+            own = {n.index for n in self.values[id(system)].values() if isinstance(n, Node)}
+            slots = [slot for slot in self.slots.values() if slot.node.index in own]
+            alone = self._program((system.name, *names), x, v, rates, outputs, slots)
+            self.blocks.append((system, alone))
+            return rates, outputs
+        rates, outputs, given, states = list[Node](), list[Node](), list[Node](), iter(x)
+        for block in system.syslist:
+            own = [next(states) for _ in range(block.nstates or 0)]
+            inputs = self._inputs(block)
+            found = self._follow(block, own, inputs)
+            rates, outputs, given = rates + found[0], outputs + found[1], [*given, *inputs]
+        fed, outside = self._linear(system.connect_map, outputs), self._linear(system.input_map, v)
+        self.read |= {g.index: a + b for g, a, b in zip(given, fed, outside, strict=True)}
+        return rates, self._linear(system.output_map, [*outputs, *given])
 
     def _chosen(
         self, i: int, level: float, fresh: Sequence[Node], kept: Sequence[Node]
@@ -400,62 +558,27 @@ class _Tracer:
         flag = self.g[self.net.parts[i].group or 0] > level
         return [self.graph.make("where", flag, a, b) for a, b in zip(fresh, kept, strict=True)]
 
-    def _rates(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
-        if not system.nstates:
-            return []
-        if not is_wired(system):
-            return self._call(system, system.updfcn, x, u, system.nstates)
-        wires, inputs, _ = self._inside(system, x, u)
-        parts = zip(wires.blocks, wires.split("states", x), inputs, strict=True)
-        return [rate for block, own, given in parts for rate in self._rates(block, own, given)]
-
-    def _outputs(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
-        if is_wired(system):
-            _, inputs, outputs = self._inside(system, x, u)
-            return self._linear(system.output_map, [*chain(*outputs), *chain(*inputs)])
-        if system.outfcn is None:
-            return list(x[: system.noutputs])
-        return self._call(system, system.outfcn, x, u, system.noutputs)
-
-    def _inside(
-        self, system: Any, x: Sequence[Node], u: Sequence[Node]
-    ) -> tuple[Wires, Rows, Rows]:
-        """Wires, inputs and outputs of all blocks of an interconnection."""
-        wires = Wires.inside(system)
-        states = wires.split("states", x)
-
-        def answer(i: int, given: Sequence[Node]) -> list[Node]:
-            return self._outputs(wires.blocks[i], states[i], given)
-
-        return wires, *self._settled(wires, u, [None] * len(states), answer)
-
-    def _settled(
-        self,
-        wires: Wires,
-        u: Sequence[Node],
-        fixed: Sequence[list[Node] | None],
-        answer: Callable[[int, Sequence[Node]], list[Node]],
-    ) -> tuple[Rows, Rows]:
-        """Inputs and outputs of all blocks at one instant; ``fixed`` outputs do not change."""
-        outside = self._linear(wires.entry, u)
-
-        def inputs(rows: Rows) -> Rows:
-            fed = self._linear(wires.connect, [*chain(*rows)])
-            return wires.split("inputs", [a + b for a, b in zip(fed, outside, strict=True)])
-
-        def respond(rows: Rows) -> Rows:
-            pairs = zip(inputs(rows), fixed, strict=True)
-            return [
-                answer(i, given) if own is None else own for i, (given, own) in enumerate(pairs)
-            ]
-
-        values = {slot.node.value: slot.value for slot in self.slots.values()}
+    def _settled(self, outputs: Sequence[Sequence[Node]]) -> dict[int, Node]:
+        """The input of each block at one instant, for outputs that may depend on inputs: each
+        single signal after those that it depends on."""
+        net, at = self.net, dict[int, Node]()
+        fed = self._linear(net.connect, [*chain(*outputs)])
+        outside = self._linear(net.entry, self.u[: len(net.outside)])
+        rows = zip(chain(*self.given), fed, outside, strict=True)
+        read = self.read | {v.index: a + b for v, a, b in rows}
+        needs = {k: {n.index for n in reachable([node])} & {*read} for k, node in read.items()}
         try:
-            counts = [block.noutputs for block in wires.blocks]
-            outputs = settled(self.graph, counts, respond, values)
-        except Unsolved as error:
-            raise wires.loop(error.blocks) from None
-        return inputs(outputs), outputs
+            order = [*TopologicalSorter(needs).static_order()]
+        except CycleError as error:
+            through = dict.fromkeys(self.readers[k] for k in sorted(error.args[1]))
+            raise AlgebraicLoop(
+                f"{net.name}: algebraic loop through {', '.join(through)}; each output depends on "
+                "itself at the same instant: put a state (a lag, a sensor) or a sample of delay "
+                "between them."
+            ) from None
+        for k in order:
+            (at[k],) = rename([read[k]], {j: at[j] for j in needs[k]})
+        return at
 
     def _linear(self, matrix: Any, nodes: Sequence[Node]) -> list[Node]:
         rows = np.atleast_2d(np.asarray(matrix, dtype=float))
@@ -467,19 +590,14 @@ class _Tracer:
     def _call(
         self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
     ) -> list[Node]:
-        """One block's function on symbols, once for the same ones; counts are given as numbers."""
-        asked = (id(block), id(function), size, *(n.index for n in (*x, *u)))
-        if asked not in self.answers:
-            if self.called and function is block.updfcn:
-                self.answers[asked] = self._as_it_is(block, function, x, u, size)
-                return self.answers[asked]
+        """One block's function on symbols; counts are given as numbers."""
+        if not (self.called and function is block.updfcn):
             try:
-                self.answers[asked] = self._followed(block, function, x, u, size)
+                return self._followed(block, function, x, u, size)
             except TraceError:
                 if not self.called:
                     raise
-                self.answers[asked] = self._as_it_is(block, function, x, u, size)
-        return self.answers[asked]
+        return self._as_it_is(block, function, x, u, size)
 
     def _followed(self, block: Any, function: Any, x: Any, u: Any, size: int) -> list[Node]:
         signals = signal_array(list(x)), signal_array(list(u))
@@ -556,11 +674,10 @@ def _reads(answer: Callable[..., list[float]], n: int, m: int, j: int) -> bool:
 
 def blocks_in(system: Any) -> Iterator[Any]:
     """The blocks, on all levels, that have functions of their own."""
+    for block in system.syslist if is_wired(system) else ():
+        yield from blocks_in(block)
     if not is_wired(system):
         yield system
-        return
-    for block in system.syslist:
-        yield from blocks_in(block)
 
 
 def widths(system: Any) -> dict[str, float]:

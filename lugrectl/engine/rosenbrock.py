@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..expression.graph import Graph, Node, derivatives, jacobian, rename
+from .graph import Graph, Node, derivatives, rename
 
 GAMMA = 0.57282
 STAGES = (  # weights of the earlier stages in the argument, time of the argument
@@ -52,7 +52,7 @@ def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[
     gain, unit = (one, 1.0 / gh) if divided else (gh, one)
     matrix = [  # I - gamma h J, or the same divided by gamma h
         [(unit if i == j else 0.0) - gain * entry for j, entry in enumerate(row)]
-        for i, row in enumerate(jacobian(system.xdot, system.x))
+        for i, row in enumerate(zip(*(derivatives(system.xdot, x) for x in system.x), strict=True))
     ]
     lu = SparseLU(graph, matrix)
     drift = derivatives(system.xdot, system.t)  # also through changing inputs

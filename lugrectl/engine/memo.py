@@ -9,32 +9,21 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ...core.block_system import BlockSystem, own_functions
-from ...core.errors import InputError
-from ..expression.graph import symbols_in
-from ..tracing.network import Net
-from ..tracing.tracer import AGAIN, Differs, Hybrid, check, single, smooth_keys, traced_net
+from ..core.block_system import PICKLED, own_functions
+from ..core.errors import InputError
 from .adaptive_run import Engine, chosen_backend
+from .graph import symbols_in
+from .tracer import AGAIN, Differs, Hybrid, Net, check, single, smooth_keys, traced_net
 
-PLAIN = (
-    BlockSystem,
-    ct.NonlinearIOSystem,
-    ct.StateSpace,
-    ct.InterconnectedSystem,
-    ct.LinearICSystem,
-)
+PLAIN = (*PICKLED, ct.LinearICSystem)
 
 
 def described(system: Any, *, by_trace: bool = True) -> Any:
     """All that decides what a system does, as a hashable value; None where it cannot be known.
 
     Of blocks of this package and of matrices it is known at once. A function of a user may read
-    anything: a global, an entry of a dictionary, an array. Such a block is described by the
-    equations that a trace of it gives now, or not at all without ``by_trace``. Parameters that
-    are no numbers, and those that decide which equations there are, leave a system undescribed.
-
-    The system's ``_update_params`` was called before. Raises TraceError for a block that keeps
-    values between calls.
+    anything: such a block is described by the equations that a trace of it gives now, or not at
+    all without ``by_trace``. TraceError for a block that keeps values between calls.
     """
     if type(system) not in PLAIN or "_rhs" in vars(system) or "_out" in vars(system):
         return None
@@ -96,12 +85,8 @@ _traced: dict[Any, Engine] = {}
 
 
 def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Engine:
-    """The compiled net, as it is at this moment.
-
-    Code of an earlier call serves again where the equations are the same: the blocks are
-    :func:`described` as they were then, or a new trace of them gives the same equations again.
-    Whatever the functions of a user read, they read it again.
-    """
+    """The compiled net, as it is now: code of an earlier call, where the blocks are
+    :func:`described` as they were then, or a new trace gives the same equations again."""
     with ALONE:
         given, blocks = dict(params or {}), [part.block for part in net.parts]
         for block in blocks:
@@ -121,18 +106,13 @@ def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Engine:
         hybrid.check(*([AGAIN] if before else []))
         _no_unknown(hybrid, given)
         engine = Engine(sharp, backend) if before is None else before.of(sharp)
-        _keep(key, engine)
-        if None not in plain and not hybrid.flow.fixed:
-            _keep(known, engine)
+        steady = None not in plain and not hybrid.flow.fixed
+        for kept in (key, known) if steady else (key,):
+            _traced.pop(kept, None)  # it is the youngest; the oldest go
+            _traced[kept] = engine
+        for old in [*_traced][:-MOST]:
+            del _traced[old]
         return engine
-
-
-def _keep(key: Any, value: Engine) -> None:
-    """Enter a value as the youngest; the oldest go."""
-    _traced.pop(key, None)
-    _traced[key] = value
-    for old in [*_traced][:-MOST]:
-        del _traced[old]
 
 
 def _no_unknown(hybrid: Hybrid, given: Mapping[str, Any]) -> None:

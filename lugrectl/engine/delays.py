@@ -1,26 +1,24 @@
 """Exact dead times by the method of steps: a run segment by segment.
 
-A segment is no longer than the shortest delay, so what a delay puts out in it was computed
-before: on each panel between two edges a polynomial of degree 4, whose coefficients are held
-inputs of the compiled code. Edges are the samples, the updates, and the times at which a delayed
-signal has a jump or a kink. A panel on which a signal that will be delayed is not smooth enough is
-halved, and its segment is run again.
+A segment is no longer than the shortest delay: what a delay puts out in it was computed before, on
+each panel a polynomial of degree 4, whose coefficients are held inputs of the compiled code. Panels
+end at samples, updates, jumps and kinks; one that is not smooth enough is halved and run again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..expression.graph import Node, evaluate, rename
-from ..tracing.network import Net
-from ..tracing.tracer import Hybrid, Program, traced_net
 from .adaptive_run import Accuracy, Course, Engine, Now, Track
+from .graph import Node, evaluate, rename
 from .memo import ALONE
+from .tracer import Hybrid, Net, Program, traced_net
 
 SEGMENTS = 50_000  # of a run at most; a shorter delay stays an approximation
 HALVINGS = 24  # rounds of them in a segment at most
@@ -66,15 +64,12 @@ def run_late(
         if (late := tuple(exact)) not in kept:
             kept[late] = Engine(_by_time(engine.net, params, late), engine.backend)
     p = kept[late].program.arguments(params)
-    return _Run(kept[late], course, starts, p, accuracy).track(exact).at(course.kept)
+    return _Run(kept[late], course, starts, p, accuracy, exact).whole.at(course.kept)
 
 
 def _by_time(net: Net, params: Mapping[str, Any] | None, late: tuple[int, ...]) -> Hybrid:
-    """A net with held inputs in place of its inputs and delayed signals.
-
-    They are m values, m slopes, five coefficients of each delayed signal, and the start of the
-    panel. Behind the signals come those that will be delayed, then the delayed ones.
-    """
+    """A net with held inputs: m values, m slopes, five coefficients of each delayed signal, and the
+    start of the panel. Behind the signals come those to be delayed, then the delayed ones."""
     m = len(net.outside)
     more = tuple(f"held {k}" for k in range(m + 5 * len(late) + 1))
     wide = replace(net, outside=(*net.outside, *more))
@@ -101,7 +96,7 @@ def _by_time(net: Net, params: Mapping[str, Any] | None, late: tuple[int, ...]) 
 
 
 class _Run:
-    """Where a run of updates and flow is."""
+    """A run of updates and flow with the delays ``late`` of its states: ``whole`` is its track."""
 
     def __init__(
         self,
@@ -110,24 +105,21 @@ class _Run:
         starts: tuple[np.ndarray, np.ndarray],
         p: np.ndarray,
         accuracy: Accuracy,
+        late: Mapping[int, float],
     ) -> None:
         self.engine, self.course, self.p, self.accuracy = engine, course, p, accuracy
-        self.now = Now.start(*starts, engine.held)
-        counts = len(starts[0]), len(starts[1]), len(engine.outputs)
-        x, q, y = (np.empty((count, len(course.grid))) for count in counts)
+        self.now, t, count = Now.start(*starts, engine.held), course.grid, len(late)
+        x, q, y = (np.empty((len(rows), len(t))) for rows in (*starts, engine.outputs))
         self.whole = Track(x, q, y)
-
-    def track(self, late: Mapping[int, float]) -> Track:
-        t, whole, count = self.course.grid, self.whole, len(late)
         self.past = [History(t[0], self.now.x[i], delay) for i, delay in late.items()]
         self.longest, self.near = min(late.values()), 1e-10 * (t[-1] - t[0])
         self.breaks = [self._on_grid(t[0] + delay) for delay in late.values()]
         now = float(t[0])
         while now < t[-1]:
             now = float(self._segment(self._edges(now))[-1])
-        for i, row in zip(late, whole.y[-count:], strict=True):  # for the approximation's states
-            whole.x[i], whole.x[i + 1] = row, 0.0
-        return replace(self.whole, y=whole.y[: -2 * count])
+        for i, row in zip(late, y[-count:], strict=True):  # for the approximation's states
+            x[i], x[i + 1] = row, 0.0
+        self.whole = replace(self.whole, y=y[: -2 * count])
 
     def _edges(self, now: float) -> np.ndarray:
         """From now to the last edge that is not more than the shortest delay away."""
@@ -195,7 +187,7 @@ class _Run:
         at, own = self._on_edges(edges)
         flags = np.zeros((len(self.course.flags), 5 * columns.shape[1] + 1))
         flags[:, own] = self.course.flags[:, at]
-        after, grid = self.now.copy(), np.append(nodes(edges).ravel(), end)
+        after, grid = deepcopy(self.now), np.append(nodes(edges).ravel(), end)
         inputs = np.append(np.repeat(columns, 5, axis=1), last, axis=1)
         part = Course(grid, inputs, flags, True)
         return after, self.engine.run(part, after, self.p, self.accuracy)

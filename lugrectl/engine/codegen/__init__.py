@@ -1,1 +1,0 @@
-"""From equations to source text: one module for each kind of run."""

@@ -1,1 +1,0 @@
-"""Expression graphs: operations, the NumPy protocol that builds them, derivatives."""

@@ -1,1 +1,0 @@
-"""From a python-control system to its equations."""
