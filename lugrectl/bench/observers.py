@@ -17,6 +17,7 @@ import numpy as np
 
 from ..blocks.block import members, unit_for
 from ..blocks.controllers import MEASURED, dead_time
+from ..blocks.declaration import listed, meant
 from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant, sensor
