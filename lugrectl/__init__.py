@@ -33,7 +33,7 @@ _HOMES = {
     "hunting": "HuntingMap LimitCycles StickSlip hunting_map limit_cycles stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
-    "diagnosis.balance": "balance",
+    "diagnosis.asked": "balance",
     "diagnosis.diagnose": "diagnose identify",
     "simulation.sweep": "sweep sweep_chunks",
     "simulation.sweep_result": "Sweep",
@@ -132,7 +132,7 @@ if TYPE_CHECKING:
         excitation,
         natural_decay,
     )
-    from .diagnosis.balance import balance
+    from .diagnosis.asked import balance
     from .diagnosis.compare_laws import LawComparison, compare_laws
     from .diagnosis.diagnose import diagnose, identify
     from .diagnosis.fleet import Fleet, diagnose_each

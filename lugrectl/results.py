@@ -17,11 +17,17 @@ from .diagnosis.diagnose import Identification
 from .diagnosis.fleet import Fleet, Outcome
 from .diagnosis.result import Diagnosis
 from .estimates.balance import Balance
-from .estimates.comparison import Comparison
 from .estimates.covariance import Joint, Residuals
-from .estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
-from .estimates.fitted import Parameter, ParameterTable
-from .estimates.members import Members
+from .estimates.findings import (
+    Candidate,
+    Comparison,
+    Estimate,
+    Finding,
+    FrictionMap,
+    Table,
+    Traces,
+)
+from .estimates.fitted import Members, Parameter, ParameterTable
 from .hunting import HuntingMap, LimitCycles, StickSlip
 from .linear.band import BandwidthVerdict
 from .linear.designs import DesignChecks

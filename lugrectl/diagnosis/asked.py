@@ -1,4 +1,5 @@
-"""What a user asks about: logs, a model, what is held out; read once, and answered plainly."""
+"""What a user asks about: logs, a model, what is held out; read once, and answered plainly by the
+torque balance."""
 
 from __future__ import annotations
 
@@ -10,17 +11,19 @@ from time import perf_counter
 from typing import Any
 
 from ..blocks.model import Model, as_model
+from ..core.blas_threads import one_blas_thread
 from ..core.errors import InputError, Refused
-from ..core.validation import is_file, positive, whole
-from ..estimates.balance import Balance
-from ..estimates.bench_test import BenchTest
+from ..core.validation import is_file, positive, share, whole
+from ..estimates.balance import Balance, BenchTest
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
 from ..record.as_record import as_holdout, as_logs
 from ..record.files.readers import MODEL, SUFFIXES
 from ..torque_balance.bench_tests import bench_tests
+from ..torque_balance.constants import ALPHA, FLOOR
 from ..torque_balance.maps import is_map
 from .contradictions import checked, doubtful, far_off
 
+LIMIT = 270.0  # s that the answer may take
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
 
 
@@ -113,8 +116,18 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     return Asked(tuple(logs), model).plain
 
 
-def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
-    return positive(horizon, "horizon", "seconds"), whole(seed, "seed")
+def settings(
+    horizon: Any = 1.0,
+    seed: Any = 0,
+    least: Any = FLOOR,
+    alpha: Any = ALPHA,
+    time_limit: Any = LIMIT,
+    **_: Any,
+) -> tuple[float, float, float, float]:
+    """horizon, least, alpha and time_limit; InputError for what cannot be meant."""
+    horizon, _ = positive(horizon, "horizon", "seconds"), whole(seed, "seed")
+    limit = positive(time_limit, "time_limit", "seconds")
+    return horizon, share(least, "least"), share(alpha, "alpha"), limit
 
 
 def refuse_swapped(logs: Iterable[Any], model: Any) -> None:
@@ -123,3 +136,65 @@ def refuse_swapped(logs: Iterable[Any], model: Any) -> None:
         for log in logs:
             if is_file(log) and Path(log).suffix.lower() == MODEL:
                 raise InputError(f"{log} is a model and {model} is a log: swap them.")
+
+
+@one_blas_thread()
+def balance(
+    record: Any,
+    model: Any = None,
+    *,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
+) -> Balance:
+    """The plain torque balance of a log, as it stands beside every diagnosis; in a second.
+
+        u(t - T) = J dw/dt + Fc sign(w) + Fv w + constant + declared effects + residual
+
+    in means over windows, by one robust regression: the first row of the table of
+    :func:`lugrectl.diagnose`. An effect that is not declared biases the values beyond their
+    intervals.
+
+    Parameters
+    ----------
+    record : path, DataFrame, dict of arrays or Record, or a list of them
+        The runs of one drive.
+    model : Model, Parameters, dict or path
+        The declared model: its effects are further terms, its held values are known. None:
+        nothing is known.
+    columns, units, scale, rate : optional
+        How to read a log, as for :func:`lugrectl.read_record`.
+
+    Returns
+    -------
+    Balance
+        ``parameters`` with 95 % intervals, SI (J in kg m2, Fc in N m, Fv in N m s/rad, u_delay in
+        s; on a linear axis kg, N, N s/m, s), the sums that are certain, the friction curve.
+
+    Raises
+    ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
+    Refused
+        When t has no unit, and no drive writes a log at that rate in s.
+
+    Examples
+    --------
+    A made-up log of a drive with J = 0.002 kg m2, Fc = 0.3 N m and Fv = 0.02 N m s/rad:
+
+    >>> t = 4e-3 * np.arange(3000)
+    >>> w = np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
+    >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.sign(w) + 0.02 * w
+    >>> plain = lg.balance({"t": t, "u": u, "w": w})
+    >>> round(plain.parameters["Fc"].value, 2), round(plain.parameters["Fv"].value, 2)
+    (0.3, 0.02)
+    """
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
+    asked = Asked.of(record, {} if model is None else model, **reading)
+    try:
+        asked.refuse_open_time()
+    except Refused as no:  # all rates and the inertia depend on it: no value is an answer
+        no.plain = asked.plain
+        raise
+    return asked.plain

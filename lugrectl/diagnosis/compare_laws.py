@@ -20,13 +20,13 @@ from ..core.errors import InputError, Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.regression import paired
 from ..core.result import ComparedRows, Fields, library, picked, plain
-from ..core.validation import positive, share, shown
+from ..core.validation import shown
 from ..engine.runtime.backend import each_beside
 from ..torque_balance.constants import ALPHA, SCALE
+from ..torque_balance.model_values import completed, model_values, told_by_balance
 from ..torque_balance.plain import alone
-from .asked import Asked, judged_by
-from .balanced import as_it_acts, polished_values, ready_of
-from .simulation import Prepared, errors, fitted, loglik
+from .asked import Asked, settings
+from .simulation import Prepared, as_it_acts, errors, fitted, loglik, polished, ready_of
 
 OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
@@ -202,9 +202,8 @@ def compare_laws(
     >>> laws.chosen
     'coulomb'
     """
-    horizon, _ = judged_by(horizon, 0)
-    names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))
-    limit = positive(time_limit, "time_limit", "seconds")
+    horizon, _, alpha, limit = settings(horizon, alpha=alpha, time_limit=time_limit)
+    names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - alpha)
     reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
     asked = Asked.of(record, model, holdout, **reading)
     report = reporter(progress)
@@ -278,7 +277,8 @@ def _fit(ready: Prepared, asked: Asked, name: str) -> Fit:
     model = changed(asked.model, {"friction": name}, "laws")
     made = alone(asked.stretches, model, ready.held_out)
     ready = as_it_acts(replace(ready, model=model, memory={}), made)
-    values = polished_values(ready, made)
+    trained, always = completed(made.trained, model, made.sure), not told_by_balance(model)
+    values = polished(ready, trained, model_values(made, model), always)[0]
     own, held = model.declarations(), model.held()
     free = [k for k in values.known() if own[k].fitted and not own[k].usual and k not in held]
     fit = fitted(ready, values)

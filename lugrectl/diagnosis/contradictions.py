@@ -43,22 +43,24 @@ OFF = 1.5  # times another value: farther than a missing effect takes a balance
 SHARE, HALF = 0.05, 0.5  # of the torque that a held value leaves more; and of all: no answer
 
 MOST_RUNS = 20  # that are compared with one another
-ALIKE, QUARTER, LITTLE = 0.03, 0.25, 0.1  # relative: runs agree; a level is known; friction differs
+ALIKE, QUARTER = 1.03, 0.25  # ratio of levels that agree; relative error of one that is known
 ABOUT, FARTHER = 2.0, 3.0  # times a declared value: as it may be; a J so far off is looked at
 DEG, RPM = 180 / np.pi, 30 / np.pi
 # units and scales that undo it where a channel is so many times what it should be
-TORQUES = {"u=-1": -1.0, "u=mN m": 1e3, "u=1000": 1e-3, "u=0.01": 1e2, "u=100": 1e-2}
-TIMES = {"t=ms": 1e3, "t=us": 1e6, "t=1000": 1e-3}
-ANGLES = {"theta=deg": DEG, "theta=57.29578": 1 / DEG, "theta=turn": 0.5 / np.pi,
-          "theta=0.1591549": 2 * np.pi}  # fmt: skip
-SPEEDS = {"w=deg/s": DEG, "w=rpm": RPM, "w=9.549297": 1 / RPM, "w=57.29578": 1 / DEG}
-LENGTHS = {"theta=mm": 1e3, "theta=1000": 1e-3}
+TORQUE_AND_TIME = {"u=-1": -1.0, "u=mN m": 1e3, "u=1000": 1e-3, "u=0.01": 1e2, "u=100": 1e-2,
+                   "t=ms": 1e3, "t=us": 1e6, "t=1000": 1e-3}  # fmt: skip
+MOTIONS = {
+    ("rotary", "theta"): {"theta=deg": DEG, "theta=57.29578": 1 / DEG, "theta=turn": 0.5 / np.pi,
+                          "theta=0.1591549": 2 * np.pi},
+    ("rotary", "w"): {"w=deg/s": DEG, "w=rpm": RPM, "w=9.549297": 1 / RPM, "w=57.29578": 1 / DEG},
+    ("linear", "theta"): {"theta=mm": 1e3, "theta=1000": 1e-3},
+    ("linear", "w"): {},
+}  # fmt: skip
 UNIT = (
     "{} is {:.4g} times what it is with the declared J and friction: give {}, or correct the model."
 )
 OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
 TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
-FRICTION = "{}: {:.0f} % {} friction than {}."
 OTHERS = "The plain answer is that of the other runs."
 
 
@@ -75,10 +77,11 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
     """The base row, without runs in another unit, with what contradicts it; ``names`` of runs."""
     if is_map(parts):  # one run tells no levels, and none is known without the others
         return against_stated(parts, model, plain_row(parts, model))
-    left_out, notes = unlike(parts, model, names)
+    left_out = unlike(parts, model, names)
     parts = [part for part in parts if part.run not in left_out]
     found = plain_row(parts, model)
-    found = replace(found, unlike=tuple(left_out.values()), notes=(*notes, *found.notes))
+    notes = (*[OTHERS] * bool(left_out), *found.notes)
+    found = replace(found, unlike=tuple(left_out.values()), notes=notes)
     if said := in_another_unit(parts, model, found):
         return replace(found, against=(said,), hopeless=True)
     if not parts or not doubtful(found):
@@ -128,14 +131,16 @@ def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Ba
     if free.refused or free.left is None or free.left > HALF:
         return found  # nothing is stated, or the log itself is at fault
     said, most = [], 0.0
-    for key in keys:
-        e = free.parameters.get(key)
-        value = None if e is None else model.kept({key: e.value})[key]  # the nearest allowed one
-        if e is None or value is None or not _far(value, e):
+    for key in (k for k in keys if k in free.parameters):
+        e, stated = free.parameters[key], model.stated[key]
+        value = model.kept({key: e.value})[key]  # the nearest allowed one
+        if value is None or not _far(value, e):
             continue
-        left = plain_row(parts, replace(model, stated={key: model.stated[key]})).left or 1.0
+        left = plain_row(parts, replace(model, stated={key: stated})).left or 1.0
         if left > free.left + SHARE:
-            said.append(_sentence(key, value, e, model))
+            how = "held at" if stated.fixed else "at least" if value > e.value else "at most"
+            unit = "" if model.unit(key) == "1" else f" {model.unit(key)}"
+            said.append(HELD.format(key, how, value, unit, *with_interval(e)))
             most = max(most, left)
     if not said:
         return found
@@ -156,29 +161,21 @@ def _far(value: float, e: Estimate) -> bool:
     return e.ci95 is not None and not e.may_be(value) and (high > OFF * low or value * e.value < 0)
 
 
-def _sentence(key: str, value: float, e: Estimate, model: Model) -> str:
-    stated = model.stated[key]
-    how = "held at" if stated.fixed else "at least" if value > e.value else "at most"
-    unit = model.unit(key)
-    return HELD.format(key, how, value, "" if unit == "1" else f" {unit}", *with_interval(e))
-
-
 # ---- a law that is not that of the drive
 
 
 def unfit_law(made: Answer, shown: Model, plain: Balance, least: float) -> str:
     """A sentence where the declared law, at the values shown, cannot be the drive's; or ""."""
-    law, motion = shown.friction.block, shown.motion
+    law, said = shown.friction.block, ""
     lacks = [k for k in COULOMB if k not in law.own]
     if not lacks and means_the_same(law) or misfit(made.last, shown) < 2 * least:
-        return ""
-    for key in lacks:
+        return said
+    for key in reversed(lacks):
         level = {**plain.uncertain, **plain.parameters}.get(key)
         if level is not None and level.ci95 is not None and level.ci95[0] > 0:
             kind, unit = COULOMB[key]
-            said = LACKS.format(law.name, kind, level.value, unit_for(unit, motion))
-            return said + COMPARE.format(option("law", "auto"))
-    return UNFIT.format(law.name) + COMPARE.format(option("law", "auto"))
+            said = LACKS.format(law.name, kind, level.value, unit_for(unit, shown.motion))
+    return (said or UNFIT.format(law.name)) + COMPARE.format(option("law", "auto"))
 
 
 # ---- a channel in another unit or sign: the log is fitted again without each such fault
@@ -199,7 +196,7 @@ def levels(found: Balance) -> Levels | None:
     return np.where(error < QUARTER, [value, error], np.nan)
 
 
-def agree(one: Levels | None, other: Levels | None, least: int, times: float = 1.0 + ALIKE) -> bool:
+def agree(one: Levels | None, other: Levels | None, least: int, times: float = ALIKE) -> bool:
     """Whether at least so many levels are known of both, and none differs by more than chance and
     this factor allow."""
     if one is None or other is None:
@@ -211,10 +208,11 @@ def agree(one: Levels | None, other: Levels | None, least: int, times: float = 1
 
 
 def fault(
-    parts: Sequence[Stretch], model: Model, right: Levels, of: Mapping[str, float], times: float
+    parts: Sequence[Stretch], model: Model, right: Levels, times: float, motion_alone: bool
 ) -> tuple[str, str, float]:
     """Which channel is how many times what makes the levels right, and what undoes it; or ""."""
-    for undone, size in of.items():
+    of = MOTIONS[model.motion, "w" if parts[0].theta is None else "theta"]
+    for undone, size in (of if motion_alone else TORQUE_AND_TIME | of).items():
         channel = undone.split("=")[0]
         if channel == "t":
             tried = [replace(p, dt=p.dt / size, t=p.t / size) for p in parts]
@@ -225,47 +223,27 @@ def fault(
     return "", "", 1.0
 
 
-def of_motion(parts: Sequence[Stretch], model: Model) -> Mapping[str, float]:
-    linear, turns = model.motion == "linear", parts[0].theta is not None
-    return (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
-
-
-def unlike(
-    parts: Sequence[Stretch], model: Model, names: Sequence[str]
-) -> tuple[dict[int, str], list[str]]:
-    """Runs that another unit or sign separates from the others, each with its sentence, and notes
-    on the others; ``names`` are those of the runs."""
+def unlike(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> dict[int, str]:
+    """Runs that another unit or sign separates from the others, each with its sentence; ``names``
+    are those of the runs."""
     runs = {run: [s for s in parts if s.run == run] for run in sorted({s.run for s in parts})}
     if not 2 <= len(runs) <= MOST_RUNS:
-        return {}, []
-    model, left_out, notes = replace(model, J=None, stated={}), dict[int, str](), []
+        return {}
+    model, left_out = replace(model, J=None, stated={}), dict[int, str]()
     with np.errstate(all="ignore"):
         each = {run: levels(plain_row(own, model)) for run, own in runs.items()}
         votes = {run: sum(agree(x, y, 1) for y in each.values()) for run, x in each.items()}
         best = max(votes, key=votes.__getitem__)
         right, usual = each.pop(best), "the other runs" if votes[best] > 1 else names[best]
         for run, own in each.items():
-            if right is None or agree(own, right, 1):
+            if right is None or agree(own, right, 1, ABOUT):  # no unit is so small a factor
                 continue
-            if own is not None and agree(own, right, 1, ABOUT):  # no unit is so small a factor
-                notes += another_friction(names[run], own[:, 1], right[:, 1], usual)
-                continue
-            of = {**TORQUES, **TIMES, **of_motion(runs[run], model)}
-            channel, undo, size = fault(runs[run], model, right, of, 1.0 + ALIKE)
-            if channel:
-                other = OPPOSITE.format(names[run], usual, undo)
-                times = TIMES_OTHERS.format(names[run], channel, size, usual, undo)
-                left_out[run] = other if size == -1.0 else times
-    return left_out, notes + [OTHERS] * bool(left_out)
-
-
-def another_friction(name: str, one: np.ndarray, right: np.ndarray, usual: str) -> list[str]:
-    """A sentence on Fc, with its error, that differs by more than chance."""
-    change = one[0] / right[0] - 1
-    if not abs(change) >= LITTLE + np.hypot(one[1], right[1]) * (1 + abs(change)):
-        return []
-    more = "more" if change > 0 else "less"
-    return [FRICTION.format(name, 100 * abs(change), more, usual)]
+            channel, undo, size = fault(runs[run], model, right, ALIKE, False)
+            if size == -1.0:
+                left_out[run] = OPPOSITE.format(names[run], usual, undo)
+            elif channel:
+                left_out[run] = TIMES_OTHERS.format(names[run], channel, size, usual, undo)
+    return left_out
 
 
 def far_off(found: Balance, model: Model) -> bool:
@@ -283,5 +261,5 @@ def in_another_unit(parts: Sequence[Stretch], model: Model, found: Balance) -> s
     if not far_off(found, model) or np.isnan(declared).any():
         return ""
     right, free = np.array([declared, 0 * declared]), replace(model, J=None, stated={})
-    channel, undo, size = fault(parts, free, right, of_motion(parts, model), ABOUT)
+    channel, undo, size = fault(parts, free, right, ABOUT, True)
     return UNIT.format(channel, size, undo) if channel else ""

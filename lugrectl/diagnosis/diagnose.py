@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,29 +16,97 @@ from ..core.display import Row, estimated
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import stamped
-from ..core.validation import positive, share
-from ..estimates.comparison import Comparison
-from ..estimates.findings import Candidate, Estimate, Finding
-from ..estimates.fitted import Fitted
-from ..estimates.members import Belief
+from ..estimates.findings import Candidate, Comparison, Estimate, Finding
+from ..estimates.fitted import Belief, Fitted
 from ..torque_balance.budget import comparison, refuse_unjudged, signals
 from ..torque_balance.constants import ALPHA, FLOOR
-from ..torque_balance.model_values import completed
-from ..torque_balance.plain import alone
+from ..torque_balance.model_values import completed, model_values
+from ..torque_balance.plain import alone, plain_balance
 from ..torque_balance.tabulated import tabulated
 from ..torque_balance.verdict import LAG_NAME, WHOLE_INERTIA, Answer, answer
-from .asked import Asked, judged_by
-from .balanced import Begun, Ended
+from .asked import LIMIT, Asked, settings
 from .compare_laws import under_law
-from .mapped import of_map, torque_errors
-from .result import INERTIA, Diagnosis, longer, next_experiment, refusal, short
+from .contradictions import contradicted, unfit_law
+from .mapped import judged_on, of_map, torque_errors
+from .result import INERTIA, Diagnosis, moved, next_experiment, noted, refusal, short
+from .simulation import Judged, ready_of, residuals, simulated
 
 NO_MOTION = "The errors of a simulation are left out: {} {}"
-WORSE = (
-    "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
-    "without it by {1:.3g}: the torque error falls, the motion error does not."
+NO_INERTIA = (
+    "The log does not determine the inertia, and none is declared: what is named does not depend "
+    "on it, and no motion is simulated."
 )
-LIMIT = 270.0  # s that the answer may take
+
+
+class Work:
+    """From a log and a declared model to values and errors, by the torque balance and a simulation;
+    Refused where the log cannot answer as it was given."""
+
+    def __init__(self, asked: Asked, horizon: float) -> None:
+        self.asked, self.start = asked, perf_counter()
+        asked.records()
+        asked.refuse_open_time()
+        self.doubts = asked.doubts()
+        self.ready, self.why_not = ready_of(asked, horizon)
+        self.parts, self.held_out = judged_on(asked, self.ready.held_out if self.ready else ())
+
+    def end(self, made: Answer, least: float) -> Work:
+        """The values and errors of what the balance answers."""
+        self.made, asked, model = made, self.asked, self.asked.model
+        values, found = model_values(made, model), (made.last, made.interval, made.values)
+        plain = plain_balance(*found, made.covariance, made.sure, asked.stretches)
+        self.sure = "J" in plain.parameters or model.known().get("J") is not None
+        self.judged: Judged | None = None
+        self.noise: float | None = None
+        if self.ready is not None and self.sure:
+            done = simulated(self.ready, made, values, least)
+            self.judged, values, self.noise, self.why_not = done
+        finer = {k: e for k, e in values.estimates.items() if e.ci95 is not None}
+        known = {k: finer.get(k, e) for k, e in plain.parameters.items()}
+        plain = replace(plain, parameters=known)  # one quantity has one value
+        self.plain = asked.completed(plain, perf_counter() - self.start)
+        values = values.beside(self.plain)
+        self.values = values if self.sure else values.told(model)
+        self.law = unfit_law(made, self.values.model, self.plain, least)
+        self.doubts = self.doubts or asked.doubts(self.plain)
+        if made.verdict not in ("found", "ambiguous"):  # else what is missing contradicts them
+            self.doubts = self.doubts or contradicted(asked.stretches, model)
+        return self
+
+    def notes(self, without_errors: str) -> list[str]:
+        """What there is to say of the fit; the sentence on missing errors has their reason."""
+        made, why = self.made, self.why_not
+        notes = [*filter(None, [self.law]), *self.doubts, *made.notes]
+        if names := ", ".join(dict.fromkeys(made.candidates)):
+            notes.append(f"Candidates that are not certain: {names}.")
+        if why is not None:
+            notes.append(without_errors.format(why, why.experiment or "").rstrip())
+        elif not (self.sure or made.view.is_map):
+            notes.append(NO_INERTIA)
+        return [*notes, *(self.judged.messages if self.judged else ())]
+
+    def changes(self) -> list[str]:
+        return moved(self.values.estimates, self.asked.model)
+
+    def fields(self, notes: Sequence[str]) -> dict[str, Any]:
+        judged, values, seen, ready = self.judged, self.values, self.asked.seen, self.ready
+        return {
+            "error": judged and judged.error,
+            "traces": judged and judged.traces,
+            "model": values.model,
+            "declared": self.asked.model,
+            "estimates": values.estimates,
+            "joint": values.joint,
+            "record": seen[0],
+            "records": tuple(seen),
+            "messages": noted(self.asked, notes),
+            "residuals": residuals(ready, values.model) if ready and judged else None,
+            "torque_noise": self.noise,
+            "plain": self.plain,
+        }
+
+
+# ---- the missing effect
 
 
 @shows_progress
@@ -139,13 +208,11 @@ def diagnose(
         options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}
         options |= {"holdout": holdout, "horizon": horizon, "seed": seed, **reading}
         return under_law(diagnose, record, model, law, **options)
-    limits = share(least, "least"), share(alpha, "alpha")
-    limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
+    *limits, limit = settings(horizon, seed, least, alpha, time_limit)
     asked = Asked.of(record, model, holdout, **reading)
-    horizon, _ = judged_by(horizon, seed)
     try:
         with within(limit):
-            return diagnosed(asked, horizon, *limits, report)
+            return diagnosed(asked, *limits, reporter(progress))
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
 
@@ -155,13 +222,13 @@ def diagnosed(
 ) -> Diagnosis:
     """The answer; Refused where the record cannot give one."""
     report(0.0, "torque balance")
-    begun = Begun.of(asked, horizon)
+    work = Work(asked, horizon)
     report(0.1, "comparing explanations")
-    made = answer(begun.parts, asked.model, begun.held_out, least, alpha)
+    made = answer(work.parts, asked.model, work.held_out, least, alpha)
     found = comparison(made, least, alpha)
     refuse_unjudged(found)
     report(0.6, "errors on held-out samples")
-    work = begun.ended(made, least)
+    work.end(made, least)
     ranking = _ranking(found)
     effects = _findings(work, ranking)
     verdict, depends_on = made.verdict, _signals(made)
@@ -169,14 +236,15 @@ def diagnosed(
         verdict, depends_on = "unexplained", ("w",)
     stretches = None if made.view.is_map else found.stretches
     then = next_experiment(verdict, depends_on, effects, work.plain, work.sure)
-    notes = [*work.notes(NO_MOTION), *_worse(work), *work.plain.notes, *work.changes()]
-    fields = work.fields([*notes, *short(asked.seen, stretches)])
+    said, experiment = short(asked.seen, stretches, then)
+    notes = [*work.notes(NO_MOTION), *work.plain.notes, *work.changes(), *said]
+    fields = work.fields(notes)
     noise = float(np.sqrt(made.view.noise)) * abs(made.values["J"][0])
     answered = Diagnosis(
         verdict=verdict,
         effects=effects,
         depends_on=depends_on,
-        experiment=longer(asked.seen, stretches, then),
+        experiment=experiment,
         free_error=work.judged and work.judged.free_error,
         torque_error=torque_errors(made) | {"noise_floor": min(noise, made.with_names.error)},
         ranking=ranking,
@@ -188,7 +256,7 @@ def diagnosed(
     return of_map(answered, made, asked) if made.view.is_map else answered
 
 
-def _findings(work: Ended, ranking: Sequence[Candidate]) -> tuple[Finding, ...]:
+def _findings(work: Work, ranking: Sequence[Candidate]) -> tuple[Finding, ...]:
     """The effects with their values and the alternatives to each."""
     made, known = work.made, work.values.estimates
     tried = {c.name: c for c in reversed(ranking)}
@@ -220,21 +288,12 @@ def _signals(made: Answer) -> tuple[str, ...]:
     return tuple(dict.fromkeys(s for t in made.named for s in signals(t.block)))
 
 
-def _rivals(work: Ended) -> tuple[Belief, ...]:
+def _rivals(work: Work) -> tuple[Belief, ...]:
     """The models that explain the record as well as the first."""
     made, known = work.made, work.values.estimates
     models = [completed(last, made.view.model, made.sure) for last in made.rivals]
     return tuple(Belief.of(m, None, {k: e for k, e in known.items() if k in m.known()},
                            1.0 / (len(models) + 1)) for m in models)  # fmt: skip
-
-
-def _worse(work: Ended) -> list[str]:
-    """A sentence where what is named raises the error of the simulated motion."""
-    error = work.judged.error if work.judged and (work.made.named or work.made.parts) else {}
-    before, after = error.get("refitted"), error.get("augmented")
-    if before is None or after is None or after <= before:
-        return []
-    return [WORSE.format(after, before, error["unit"])]
 
 
 # ---- the declared model alone
@@ -266,7 +325,7 @@ class Identification(Fitted):
 
     def _rows(self) -> Iterable[Row]:
         rows = [estimated(k, e) for k, e in self.estimates.items()]
-        return [*rows, *self._error_rows(("declared", "refitted")), *self._last_rows()]
+        return [*rows, *self._last_rows("declared", "refitted")]
 
 
 @shows_progress
@@ -325,9 +384,8 @@ def identify(
         options = {"holdout": holdout, "horizon": horizon, "seed": seed, "progress": progress}
         return under_law(identify, record, model, law, **options, **reading)
     asked = Asked.of(record, model, holdout, **reading)
-    horizon, _ = judged_by(horizon, seed)
     try:
-        return identified(asked, horizon, reporter(progress))
+        return identified(asked, settings(horizon, seed)[0], reporter(progress))
     except Refused as no:  # the plain answer stands all the same
         no.plain = asked.plain
         raise
@@ -336,10 +394,10 @@ def identify(
 def identified(asked: Asked, horizon: float, report: Progress) -> Identification:
     """The values of the declared model; Refused where the record cannot give any."""
     report(0.0, "torque balance")
-    begun = Begun.of(asked, horizon)
-    made = alone(begun.parts, asked.model, begun.held_out)
+    work = Work(asked, horizon)
+    made = alone(work.parts, asked.model, work.held_out)
     report(0.4, "errors on held-out samples")
-    work = begun.ended(made, FLOOR)
+    work.end(made, FLOOR)
     notes = work.notes(ONLY_PLAIN)
     fields = work.fields([*notes, *work.changes(), *work.plain.notes])
     error = (fields.pop("error") or {}).items()

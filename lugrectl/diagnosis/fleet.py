@@ -18,20 +18,20 @@ from ..blocks import AUTO
 from ..blocks.aliases import block_named, name_of
 from ..blocks.model import Model, Sent, as_model
 from ..core.blas_threads import one_thread_each
-from ..core.display import Row, Shown
+from ..core.display import Shown
 from ..core.errors import InputError, Refused
 from ..core.jobs import JobError, run_jobs
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, SourceFile, provenance, stamp
 from ..core.result import Result, library, picked, plain
-from ..core.validation import positive, share, shown
+from ..core.validation import shown
 from ..core.views import view
 from ..record import Record, read_log
 from ..record.as_record import is_last, is_record, record_files, there
 from ..record.columns.table import is_table, source_of
 from ..torque_balance.constants import ALPHA, FLOOR
-from .asked import judged_by, refuse_swapped
-from .diagnose import LIMIT, diagnose
+from .asked import LIMIT, refuse_swapped, settings
+from .diagnose import diagnose
 from .result import VERDICTS, Diagnosis
 
 FAILED = "failed"
@@ -49,7 +49,7 @@ class Outcome(Shown):
     file: str
     exit_code: int = 0
     seconds: float | None = None
-    document: Mapping[str, Any] | None = None
+    document: Mapping[str, Any] | None = field(default=None, repr=False)
     reason: str | None = None
     diagnosis: Diagnosis | None = field(default=None, repr=False)
 
@@ -78,14 +78,6 @@ class Outcome(Shown):
             "seconds": self.seconds,
             "message": self.reason or d.get("experiment"),
         }
-
-    def _title(self) -> str:
-        return f"Outcome {self.file}: {self.verdict}"
-
-    def _rows(self) -> Iterable[Row]:
-        effects = ", ".join(e["name"] for e in (self.document or {}).get("effects", ()))
-        rows = [Row("effects", effects), Row("reason", self.reason), Row("took", self.seconds, "s")]
-        return [row for row in rows if row.value]
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""
@@ -161,15 +153,8 @@ class Fleet(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
-        return plain(
-            {
-                "schema": 1,
-                "records": [outcome.summary() for outcome in self.outcomes],
-                "counts": self.counts,
-                "unfinished": self.unfinished,
-                "provenance": self.provenance.summary() if self.provenance else None,
-            }
-        )
+        own = picked(self, "counts unfinished provenance")
+        return {"schema": 1, "records": plain(self.outcomes), **own}
 
     def to_frame(self) -> Any:
         """A DataFrame of :attr:`rows`, the effects as text; InputError without pandas."""
@@ -188,13 +173,6 @@ class Fleet(Result):
     def _title(self) -> str:
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
         return f"Fleet of {len(self.outcomes)}: {counts or 'none finished'}"
-
-    def _rows(self) -> Iterable[Row]:
-        rows = [Row("against", self.model.name)] if self.model else []
-        for verdict, count in self.counts.items():
-            files = [o.file for o in self.outcomes if o.verdict == verdict]
-            rows += [Row(verdict, files)] if count else []
-        return rows + ([Row("unfinished", self.unfinished)] if self.unfinished else [])
 
     def __str__(self) -> str:
         return view("fleet_page.text")(self)
@@ -410,9 +388,6 @@ def _check_options(options: Mapping[str, Any]) -> None:
             "the errors of each log are computed on its own samples: holdout must be 'last' or "
             "left out, not a file."
         )
-    judged_by(options["horizon"], options["seed"])
-    positive(options.get("time_limit", LIMIT), "time_limit", "seconds")
-    share(options.get("least", FLOOR), "least")
-    share(options.get("alpha", ALPHA), "alpha")
+    settings(**options)
     if options.get("law") not in (None, AUTO):
         block_named("friction", options["law"], where="law", what="friction law")

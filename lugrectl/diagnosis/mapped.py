@@ -11,7 +11,6 @@ from scipy import signal, stats
 
 from ..blocks.block import members, unit_for
 from ..core.errors import InputError
-from ..core.regression import spread
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap
 from ..estimates.fitted import Fitted
 from ..record import Stretch, stretches
@@ -28,10 +27,7 @@ LEAST_TURNS = 2.0  # of a run, so that orders half an order apart are separated
 HIGHEST = 8  # order of a turn that is examined
 LEAST_RUNS = 3  # that turn so far
 CHANCE = 0.01  # probability that any order is named although there is no ripple
-FAR = 6.0  # robust standard deviations by which a run differs from the others ...
-LARGE = 0.1  # ... and of all torque
 MAP = "{} runs at steady speeds were taken as one map of torque over speed; they do not tell {}."
-DIFFERS = "{} differs from what the other runs say by {:.3g} {}."
 SWINGS = (
     "The torque varies with the angle: {} of friction. Its phase in the runs is unknown, so it is "
     "not part of the model."
@@ -94,39 +90,29 @@ def of_map(found: Found, made: Answer, asked: Asked) -> Found:
 def _said(
     made: Answer, asked: Asked, silent: Sequence[str], swing: Sequence[Swing]
 ) -> Iterator[str]:
-    """What the map does not tell, runs that differ from the others, and what varies with angle."""
-    view, last, unit = made.view, made.last, unit_for("N m", asked.model.motion)
-    assert isinstance(view, MapView)
-    runs = np.unique(view.motion.run)
+    """What the map does not tell, and what varies with angle."""
+    view = made.view
     hidden = [p.key for p in asked.model.effects if p not in view.model.effects]
     unknown = [k for k in silent if k.rpartition(".")[0] not in hidden] + hidden
-    yield MAP.format(len(runs), ", ".join(unknown) or "J")
-    left = view.by_run(last.left)
-    most = max(FAR * spread(left), LARGE * view.force)
-    for i in np.flatnonzero(np.abs(left) > most):
-        yield DIFFERS.format(asked.logs[runs[i]].source, left[i], unit)
-    if swing and not any("theta" in t.block.inputs for t in last.state.terms):
+    yield MAP.format(len(np.unique(view.motion.run)), ", ".join(unknown) or "J")
+    if swing and not any("theta" in t.block.inputs for t in made.last.state.terms):
         share = 100.0 / view.size
         orders = [f"{n} times per turn by {share * e.value:.2g} %" for n, e in swing]
         yield SWINGS.format(", ".join(orders))
 
 
 def torque_errors(made: Answer) -> dict[str, Any]:
-    return {
-        "unit": unit_for("N m", made.view.model.motion),
-        "declared": made.declared_error,
-        "refitted": made.without.error,
-        "augmented": made.with_names.error,
-    }
+    own = made.declared_error, made.without.error, made.with_names.error
+    both = zip(("declared", "refitted", "augmented"), own, strict=True)
+    return {"unit": unit_for("N m", made.view.model.motion), **dict(both)}
 
 
 def _facts(made: Answer) -> dict[str, Any]:
     """What else is said of errors of means over stretches of the held-out runs."""
-    view = made.view
+    view, errors = made.view, (made.declared_error, made.without.error, made.with_names.error)
     assert isinstance(view, MapView)
-    m, errors = view.motion, (made.declared_error, made.without.error, made.with_names.error)
+    m, noise = view.motion, view.scatter(made.last.left)
     test = np.isin(m.row, np.flatnonzero(made.split.test))
-    noise = view.scatter(made.last.left)
     return {
         "signal": "u",
         "samples": int(m.size[test].sum()),
@@ -189,23 +175,18 @@ def swings(parts: Sequence[Stretch], unit: str) -> list[Swing]:
         if np.ptp(theta) >= 2 * np.pi * LEAST_TURNS:
             u = signal.detrend(s.u) * np.hanning(len(s.u)) * 2.0
             power.append(np.abs(2.0 * np.exp(-1j * np.outer(orders, theta)) @ u / len(u)) ** 2)
-    if len(power) < LEAST_RUNS:
+    many = len(power)
+    if many < LEAST_RUNS:
         return []
-    found = [_swing(n, np.array(power), unit) for n in range(1, HIGHEST + 1)]
-    return sorted((s for s in found if s), key=lambda s: -s[1].value)
-
-
-def _swing(order: int, power: np.ndarray, unit: str) -> Swing | None:
-    """``power`` is (runs, half orders from 1/2 on)."""
-    below, own, above = power[:, 2 * order - 2 : 2 * order + 1].T
-    beside, many = 0.5 * (below + above), len(own)
-    chance = -4.0 * np.sum(np.log1p(-own / (own + 2.0 * beside)))
-    if stats.chi2.sf(chance, 2 * many) > CHANCE / HIGHEST:
-        return None
+    every = np.array(power)  # (runs, half orders from 1/2 on)
+    own, beside = every[:, 1::2], 0.5 * (every[:, :-1:2] + every[:, 2::2])
+    chance = -4.0 * np.sum(np.log1p(-own / (own + 2.0 * beside)), axis=0)
+    there = np.flatnonzero(stats.chi2.sf(chance, 2 * many) <= CHANCE / HIGHEST)
     excess = own - beside
-    mean, half = float(np.mean(excess)), float(stats.sem(excess) * stats.t.ppf(0.975, many - 1))
-    size, low, high = np.sqrt(np.maximum([mean, mean - half, mean + half], 0.0)).tolist()
-    return order, Estimate(size, unit, (low, high))
+    mean, half = excess.mean(axis=0), stats.sem(excess) * stats.t.ppf(0.975, many - 1)
+    size = np.sqrt(np.maximum([mean, mean - half, mean + half], 0.0))[:, there].T.tolist()
+    found = [(i + 1, Estimate(a, unit, (b, c))) for i, (a, b, c) in zip(there.tolist(), size, strict=True)]
+    return sorted(found, key=lambda one: -one[1].value)
 
 
 def _swung(found: Diagnosis, made: Answer, swing: Sequence[Swing]) -> Diagnosis:

@@ -15,13 +15,15 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_discrete_are
+from scipy.optimize import least_squares
 
 from ..blocks.block import unit_for
 from ..blocks.effects import held_late
 from ..blocks.model import Model
 from ..blocks.plant import Part as Placed
 from ..blocks.plant import assemble
+from ..core.deadline import OutOfTime
 from ..core.deadline import check as check_time
 from ..core.errors import InputError, Refused
 from ..core.numeric import Z95, rms
@@ -32,6 +34,17 @@ from ..estimates.covariance import Joint, Residuals, residuals_of
 from ..estimates.findings import Traces
 from ..record import Record, consistent, long_enough_to_judge
 from ..record.signal_noise import repeating, repeats, sensor_noise, share_noise, smallest_step
+from ..torque_balance.maps import is_map
+from ..torque_balance.model_values import (
+    ModelValues,
+    as_estimates,
+    completed,
+    lifted,
+    told_by_balance,
+    with_scale,
+)
+from ..torque_balance.verdict import Answer
+from .asked import Asked
 
 # ---- records as a simulation takes them: noise, training windows, and samples held out
 
@@ -301,7 +314,6 @@ Sets = Sequence[Values]
 Array = np.ndarray
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
-DOUBLINGS = 60  # of a Riccati equation, at most
 DIRECT = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
 SAMPLES = 20_000  # samples of training windows, evenly spread, by which a fit is found
 COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
@@ -424,26 +436,13 @@ def fitted(ready: Prepared, model: Model) -> Fit:
     values = model.known()
     if missing := [k for k in model.values() if k not in values]:
         raise InputError(f"{model.name}: {', '.join(missing)} has no value to simulate with.")
-    parts = (model.friction, *model.effects)
-    structure = _Structure(model.motion, tuple((p.key, id(p.block)) for p in parts), model)
-    drive, key = _drive(structure), (structure.parts, *values.values())
+    parts = tuple((p.key, p.block.name) for p in (model.friction, *model.effects))
+    if parts not in memory:
+        memory[parts] = Drive(model)
+    key = parts, *values.values()
     if key not in memory:
-        memory[key] = Fit(drive, values, tuned(ready, drive, values))
+        memory[key] = Fit(memory[parts], values, tuned(ready, memory[parts], values))
     return memory[key]
-
-
-@dataclass(frozen=True)
-class _Structure:
-    """What is traced of a model, whatever its values are; the model keeps its blocks alive."""
-
-    motion: str
-    parts: tuple[tuple[str, int], ...]
-    model: Model = field(compare=False)
-
-
-@lru_cache(maxsize=64)
-def _drive(structure: _Structure) -> Drive:
-    return Drive(structure.model)
 
 
 def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
@@ -461,12 +460,12 @@ def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
 
 def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
     both = zip(ready.runs, of, strict=True)
-    made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.size]
+    made = [whitened(drive, run, where, sets, jumps)[1] for run, where in both if where.size]
     return np.concatenate(made, axis=1)
 
 
 def whitened(
-    drive: Drive, run: Run, sets: Sets, jumps: Any, where: Windows
+    drive: Drive, run: Run, where: Windows, sets: Sets, jumps: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2), and
     the log-likelihood of each window, (sets, windows). Samples that repeat one count weigh less:
@@ -511,30 +510,14 @@ def observer_gain(
     scale = np.full(n, noise[0] / dt if 0 in seen else noise[1])  # else it is ill-conditioned
     scale[0] *= dt
     a, push = step[:n, :n] * scale / scale[:, None], jump * step[:n, n] / scale
-    P = np.zeros((n, n))
-    both = kept[:, None], kept
-    P[both] = _riccati(a[both], (H * scale / size[:, None])[:, kept], np.outer(push, push)[both])
+    P, both = np.zeros((n, n)), np.ix_(kept, kept)
+    of = a[both].T, (H * scale / size[:, None])[:, kept].T, np.outer(push, push)[both]
+    P[both] = solve_discrete_are(*of, np.eye(len(size)))
     P *= np.outer(scale, scale)
     S = H @ P @ H.T + np.diag(size**2)
     gain, covariance = np.zeros((n, 2)), np.eye(2)
-    gain[:, seen], covariance[seen[:, None], seen] = P @ H.T @ np.linalg.inv(S), S
+    gain[:, seen], covariance[np.ix_(seen, seen)] = P @ H.T @ np.linalg.inv(S), S
     return gain, covariance
-
-
-def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """P = A (P^-1 + H' H)^-1 A' + Q, even if it is ill-conditioned, by the structure-preserving
-    doubling of Chu, Fan and Lin (2004)."""
-    a: Any = A.T  # types of a loop's own values take the checker minutes
-    G: Any = H.T @ H
-    P: Any = Q
-    for _ in range(DOUBLINGS):
-        half = np.linalg.solve(np.eye(len(A)) + G @ P, np.hstack([a, G]))
-        a_half, G_half = half[:, : len(A)], half[:, len(A) :]
-        more = a.T @ P @ a_half
-        a, G, P = a @ a_half, G + a @ G_half @ a.T, P + more
-        if np.all(np.abs(more) <= 1e-12 * np.abs(P)):
-            break
-    return 0.5 * (P + P.T)
 
 
 # ---- errors on held-out samples, and what one-step predictions leave
@@ -614,7 +597,7 @@ def residuals(ready: Prepared, model: Model) -> Residuals:
     fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
     run, where = max(both, key=lambda pair: pair[1].size)
     channel = int(np.isfinite(run.noise[1]))
-    e = whitened(fit.drive, run, [fit.values], [fit.jump], where)[0][0, ..., channel]
+    e = whitened(fit.drive, run, where, [fit.values], [fit.jump])[0][0, ..., channel]
     return residuals_of(("theta", "w")[channel], e, run.u[where.counted])
 
 
@@ -630,10 +613,9 @@ WEAK = 1.5  # standard deviation of a coordinate about its start where nothing e
 WIDE = 0.3  # the same from which a start is no more than a guess: factors on it are tried
 FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
 SLOPE = 1e-3  # of a coordinate, for slopes
-CLIMBS, GAINED = 20, 0.1  # steps of a climb, and gain in log-likelihood below which it ends
-PARTS, NOISES = (1.0, 0.5, 0.2, 0.05), (1.0, 0.6, 1.5)  # of a step; factors on the noise
-FARTHEST = 0.7  # of a coordinate in one step
-FLAT, TINY = 1e-4, 1e-300  # of Fc, least excess of Fs; least variance of a prior
+ROUNDS, CLIMBS, GAINED = 2, 15, 1e-6  # fits, each at the noise before it; their evaluations
+FARTHEST = 0.7  # of a coordinate, that one window may move a fit
+TINY = 1e-300  # least variance of a prior
 NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 
 
@@ -651,8 +633,8 @@ def polish(
 ) -> Polished:
     """Make one-step predictions of training windows most likely, from the model's values on.
 
-    Gauss-Newton steps on the innovations e of an observer with the gain for the noise of dw/dt,
-    which is found beside them: minimise the sum of e' S^-1 e / 2 + log det(S) / 2 and the priors.
+    Least squares of the innovations e of an observer with the gain for the noise of dw/dt, which
+    is found anew for the values: minimise the sum of e' S^-1 e / 2 and the priors.
     ``start`` is what is known beforehand; other values have the std that the model states, or a
     weak prior: a factor of 4.5 about the start. ``always`` keeps the values whatever left-out
     windows say: nothing else tells them. Free those that the balance knows, too, or their errors
@@ -660,59 +642,53 @@ def polish(
     windows: it knows of no error of the model that is the same in all. InputError without a value.
     """
     begun = fitted(ready, model)
-    climb = _Climb(ready, begun, model, free, start)
-    before = loglik(ready, begun.drive, [begun.values], [begun.jump], climb.where)[0]
-    if climb.keys and len(before) > 1:
+    space = _Space(ready, begun, model, free, start)
+    if space.keys and sum(where.start.size for where in space.where) > 1:
         with suppress(np.linalg.LinAlgError):  # the model diverges along this log
-            return _at_top(climb, begun, before, always)
+            return _at_top(space, begun, always)
     return Polished(begun.values)
 
 
-def _at_top(climb: _Climb, begun: Fit, before: np.ndarray, always: bool) -> Polished:
+def _at_top(space: _Space, begun: Fit, always: bool) -> Polished:
     """The likeliest values, what is known of them, and whether left-out windows (n,) gain, to first
     order (Takeuchi's criterion), or all values before are within their intervals."""
-    tops = [climb.up(one) for one in dict.fromkeys((begun, climb.scanned()))]
-    _, fit = climb.best([top.values for top in tops], [top.jump for top in tops])
-    parts, scores, each = climb.linear(fit)
-    H = parts.sum(0) + climb.weight
-    off = np.array([np.linalg.solve(H - p, s) for p, s in zip(parts, scores, strict=True)])
-    off *= np.minimum(1.0, FARTHEST / np.maximum(np.max(np.abs(off), axis=1), 1e-300))[:, None]
+    tops = [space.up(one) for one in dict.fromkeys((begun, space.scanned()))]
+    fit = max(tops, key=lambda one: space.totals([one.values], one.jump)[0])
+    parts, scores, each = space.linear(fit)
+    before = space.each([begun.values], begun.jump)[0]
+    H = parts.sum(0) + space.weight
+    off = np.linalg.solve(H - parts, scores[..., None])[..., 0]
+    off *= np.minimum(1.0, FARTHEST / np.maximum(np.max(np.abs(off), axis=1), TINY))[:, None]
     own = np.linalg.inv(H)
     gains = each - np.einsum("wi,ij,wj->w", scores, own, scores) - before
     gain, error = float(gains.sum()), float(np.std(gains)) * len(gains) ** 0.5
     scatter = (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
     wider = np.sqrt(np.maximum(scatter / np.diag(own), 1.0))
     C = own * np.outer(wider, wider)
-    prior = np.diag(np.linalg.inv(climb.weight))
+    prior = np.diag(np.linalg.inv(space.weight))
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
-    moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
+    moved = np.abs(space.x(fit.values) - space.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
     if not always and gain <= error and not confirmed:
         return Polished(begun.values)
-    names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
-    if "Fs" in climb.keys:  # what it is above Fc has a log-normal distribution, and its variance
-        V = float(np.clip(C[-1, -1], 1e-12, 1.0))
-        rates[-1, -1] *= np.sqrt(np.exp(V) * np.expm1(V) / V)
-    found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
-    joint = Joint(names, found, matrix[at[:, None], at], climb.log[at])
-    return Polished(fit.values, joint, True)
+    names, rates = tuple(space.keys[i] for i in at), space.rates(fit.values)
+    found, matrix = np.array([fit.values[k] for k in names]), C * np.outer(rates, rates)
+    return Polished(fit.values, Joint(names, found, matrix[np.ix_(at, at)], space.log[at]), True)
 
 
-class _Climb:
-    """Steps towards the maximum of likelihood and Gaussian priors (``middle``, ``weight``) in
-    coordinates: the logarithm of a value or, where it may be 0 or less, its part of ``size``."""
+class _Space:
+    """Coordinates of free values, the logarithm of each or, where it may be 0 or less, its part of
+    ``size``, with a Gaussian prior (``middle``, ``weight``), and the likelihood over them."""
 
     def __init__(
         self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint
     ) -> None:
-        own, values = model.declarations(), begun.values
-        self.ready, self.begun, rotary = ready, begun, model.motion == "rotary"
+        own, values, rotary = model.declarations(), begun.values, model.motion == "rotary"
+        self.ready, self.begun, self.model = ready, begun, model
         self.where = spread(ready.train, SAMPLES)
         fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
         fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
-        keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
-        self.keys = keys = tuple(sorted(keys, key="Fs".__eq__))  # Fs last, as it stands on Fc
-        self.bounds = [model.bounds(k) for k in keys]
+        self.keys = keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
         found = np.array([values[k] for k in keys])
         self.log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
         usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
@@ -726,89 +702,185 @@ class _Climb:
             scaled = np.linalg.pinv(C / np.outer(size, size), hermitian=True)
             known[np.ix_(here, here)] = scaled / np.outer(size, size)
         rates = self.rates(values)
-        self.weight = np.eye(len(keys)) / WEAK**2 + rates.T @ known @ rates
+        self.weight = np.eye(len(keys)) / WEAK**2 + known * np.outer(rates, rates)
         declared = {k: v for k, v in ready.model.known().items() if k in std}
         self.middle = self.x({**values, **declared})
 
-    def amounts(self, values: Mapping[str, float]) -> np.ndarray:
-        """The values; of Fs how much it is above Fc."""
-        Fc, Fs = values.get("Fc", 0.0), values.get("Fs", 0.0)
-        return np.array([({**values, "Fs": max(Fs - Fc, FLAT * Fc)})[k] for k in self.keys])
+    def rates(self, values: Values) -> np.ndarray:
+        """Derivatives of the values by their coordinates, (n,)."""
+        return np.where(self.log, [values[k] for k in self.keys], self.size)
 
-    def rates(self, values: Mapping[str, float]) -> np.ndarray:
-        """Derivatives of the values by the coordinates, (n, n)."""
-        made = np.diag(np.where(self.log, self.amounts(values), self.size))
-        if {"Fc", "Fs"} <= {*self.keys}:
-            made[-1, self.keys.index("Fc")] = values["Fc"]
-        return made
-
-    def x(self, values: Mapping[str, float]) -> np.ndarray:
-        v = self.amounts(values)
+    def x(self, values: Values) -> np.ndarray:
+        v = np.array([values[k] for k in self.keys])
         return np.where(self.log, np.log(np.where(self.log, v, 1.0)), v / self.size)
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """All values inside their bounds; Fs does not fall below Fc."""
-        made = dict(self.begun.values)
-        ways = zip(self.keys, self.log, self.size, self.bounds, x, strict=True)
-        for k, log, size, (low, high), v in ways:
-            value = float(np.exp(min(v, 700.0)) if log else v * size)
-            value += made.get("Fc", 0.0) if k == "Fs" else 0.0
-            made[k] = min(max(value, low), high)
-        if "Fc" in self.keys and "Fs" in made:
-            made["Fs"] = max(made["Fs"], made["Fc"])
-        return made
+        v = np.where(self.log, np.exp(np.minimum(x, 700.0)), x * self.size)
+        ends = np.array([self.model.bounds(k) for k in self.keys]).T
+        made = self.begun.values | dict(zip(self.keys, np.clip(v, *ends).tolist(), strict=True))
+        return made | {"Fs": max(made["Fs"], made["Fc"])} if {"Fc", "Fs"} <= made.keys() else made
 
-    def cost(self, values: Mapping[str, float]) -> float:
-        off = self.x(values) - self.middle
-        return 0.5 * float(off @ self.weight @ off)
+    def whitened(self, sets: Sets, jump: float) -> list[tuple[Array, Array]]:
+        both = zip(self.ready.runs, self.where, strict=True)
+        jumps = [jump] * len(sets)
+        return [whitened(self.begun.drive, *b, sets, jumps) for b in both if b[1].size]
 
-    def best(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> tuple[float, Fit]:
-        """The likeliest of some values, each with its noise."""
-        each = loglik(self.ready, self.begun.drive, sets, jumps, self.where)
-        made = each.sum(axis=1) - [self.cost(v) for v in sets]
-        i = int(np.argmax(np.nan_to_num(made, nan=-np.inf)))
-        return float(made[i]), Fit(self.begun.drive, sets[i], jumps[i])
+    def each(self, sets: Sets, jump: float) -> np.ndarray:
+        """The log-likelihood of each window, (sets, windows)."""
+        return np.concatenate([each for _, each in self.whitened(sets, jump)], axis=1)
+
+    def totals(self, sets: Sets, jump: float) -> np.ndarray:
+        off = np.array([self.x(values) for values in sets]) - self.middle
+        made = self.each(sets, jump).sum(axis=1) - 0.5 * np.sum(off @ self.weight * off, axis=1)
+        return np.nan_to_num(made, nan=-np.inf)
 
     def scanned(self) -> Fit:
         """The best of factors on each value that is no more than a guess, one after the other."""
         fit, std = self.begun, np.sqrt(np.diag(np.linalg.inv(self.weight)))
-        moved = False
         for i in np.flatnonzero(self.log & (std > WIDE)):
             steps = np.log(FACTORS)[:, None] * (np.arange(len(std)) == i)
             sets = [self.values(self.x(fit.values) + step) for step in steps]
-            fit = self.best(sets, [fit.jump] * len(sets))[1]
-            moved = moved or fit.values is not sets[0]
-        if not moved:
-            return self.begun
-        return replace(fit, jump=tuned(self.ready, fit.drive, fit.values))
+            best = int(np.argmax(self.totals(sets, fit.jump)))
+            fit = replace(fit, values=sets[best]) if best else fit
+        return fit if fit is self.begun else self._at(fit.values)
+
+    def _at(self, values: dict[str, float]) -> Fit:
+        return fitted(self.ready, self.model.with_values(values))
 
     def up(self, fit: Fit) -> Fit:
-        """Gauss-Newton steps, shorter where the whole one loses, each with the best noise."""
-        for _ in range(CLIMBS):
-            parts, scores, each = self.linear(fit)
-            x, total, most = self.x(fit.values), each.sum() - self.cost(fit.values), -np.inf
-            slope = scores.sum(0) - self.weight @ (x - self.middle)
-            step = np.linalg.solve(parts.sum(0) + self.weight, slope)
-            step *= min(1.0, FARTHEST / max(float(np.max(np.abs(step))), TINY))
-            for part in PARTS:
-                sets = [self.values(x + part * step)] * len(NOISES)
-                most, ahead = self.best(sets, [fit.jump * factor for factor in NOISES])
-                if most > total:
-                    fit = ahead
-                    break
-            if most < total + GAINED:
-                break
+        """The likeliest values from these on."""
+        root = np.linalg.cholesky(self.weight).T
+
+        def off(x: np.ndarray, jump: float) -> np.ndarray:
+            e = [e.ravel() for e, _ in self.whitened([self.values(x)], jump)]
+            return np.concatenate([*e, root @ (x - self.middle)])
+
+        def slopes(x: np.ndarray, jump: float) -> np.ndarray:
+            e = [e.reshape(len(e), -1) for e, _ in self.whitened(self._near(x), jump)]
+            e = np.concatenate(e, axis=1)
+            return np.vstack([(e[1:] - e[0]).T / SLOPE, root])
+
+        for _ in range(ROUNDS):
+            x, of = self.x(fit.values), {"ftol": GAINED, "max_nfev": CLIMBS, "args": (fit.jump,)}
+            fit = self._at(self.values(least_squares(off, x, slopes, **of).x))
         return fit
+
+    def _near(self, x: np.ndarray) -> list[dict[str, float]]:
+        return [self.values(x), *(self.values(x + SLOPE * row) for row in np.eye(len(x)))]
 
     def linear(self, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Information (windows, x, x), slope (windows, x) and log-likelihood (windows,)."""
-        x, n, made = self.x(fit.values), len(self.keys), []
-        sets = [fit.values, *(self.values(x + SLOPE * row) for row in np.eye(n))]
-        both = [*zip(self.ready.runs, self.where, strict=True)]
-        for run, where in (pair for pair in both if pair[1].size):
-            white, each = whitened(fit.drive, run, sets, [fit.jump] * (n + 1), where)
-            e = white.reshape(n + 1, len(where.start), -1).swapaxes(0, 1)
+        made, many = [], len(self.keys) + 1
+        for white, each in self.whitened(self._near(self.x(fit.values)), fit.jump):
+            e = white.reshape(many, each.shape[1], -1).swapaxes(0, 1)
             A = (e[:, :1] - e[:, 1:]) / SLOPE
             made.append((A @ A.swapaxes(1, 2), (A @ e[:, 0, :, None])[..., 0], each[0]))
         parts, scores, each = map(np.concatenate, zip(*made, strict=True))
         return parts, scores, each
+
+
+# ---- the log of a question, and what the torque balance answers of it, by simulation
+
+
+STOPPED = "the fit was stopped at its limit of time."
+MORE_TIME = "Give it more time with {}, or a shorter part of the record."
+OTHER_PLACES = (
+    "the drive passes most places once, so that few are both in training and in held-out samples. "
+    "The torque errors are of shorter parts in turn."
+)
+PLACES, SLOW = 36, 0.01  # in a turn or travel; of the top speed: slower has no direction
+# s: lengths of blocks; those of 2 s, the least, may see one half of a periodic motion each
+LENGTHS = (0.0, 2.7, 3.7, 5.3)
+
+
+def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
+    """The records split for simulations, or why they cannot be. Where every other block sees one
+    half of a periodic motion, blocks are longer."""
+    if is_map(asked.stretches):  # nothing moves that could be simulated
+        return None, None
+    records, holdout = asked.records(), asked.holdout()
+    for length in LENGTHS:
+        try:
+            ready = prepared(records, asked.model, holdout, horizon, length)
+        except Refused as no:
+            if not length:
+                return None, no
+            continue
+        if holdout is not None or _same_motion(ready):
+            return ready, None
+    return None, Refused(OTHER_PLACES)
+
+
+def _same_motion(ready: Prepared) -> bool:
+    """Whether most held-out samples lie at angles that training samples pass the same way."""
+    seen, held_out = set[float](), set[float]()
+    for i, run in enumerate(ready.runs):
+        turn = 2 * np.pi if ready.model.motion == "rotary" else float(np.ptp(run.theta)) or 1.0
+        way = np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
+        place, out = 3 * (np.floor(run.theta / turn * PLACES) % PLACES) + way, 0 * run.t > 0
+        for own, start, end in ready.held_out:
+            out |= (own == i) & (run.t >= start) & (run.t <= end)
+        seen |= {*np.unique(place[~out]).tolist()}
+        held_out |= {*np.unique(place[out]).tolist()}
+    return len(seen & held_out) > 0.5 * len(held_out)
+
+
+def simulated(
+    ready: Prepared, made: Answer, values: ModelValues, least: float
+) -> tuple[Judged | None, ModelValues, float | None, Refused | None]:
+    """Errors before and after, values of a last polish (of a clean log, or of a law of whose values
+    the balance knows nothing), the noise of the torque, and why there is no error."""
+    model, ready = made.view.model, as_it_acts(ready, made)
+    refitted = completed(made.refitted, model, made.sure)
+    trained = completed(made.trained, model, made.sure, made.parts)
+    clean = made.with_names.stays < 2 * least * made.view.size  # a finer fit may be valid
+    try:
+        own_law = not told_by_balance(model)
+        if (clean or own_law) and not made.only_inertia:
+            finer, own = polished(ready, trained, values, own_law)
+            if own_law or torque_noise(ready, finer) < least * made.view.size:
+                trained, values = finer, own
+                named = made.named or made.parts
+                refitted = polished(ready, refitted, own, own_law)[0] if named else trained
+        full = None if None in model.values().values() else model
+        models = {"declared": full, "refitted": refitted, "augmented": trained}
+        return errors(ready, models), values, torque_noise(ready, values.model), None
+    except OutOfTime:  # all else is known
+        why_not = Refused(STOPPED, MORE_TIME.format(option("time_limit")))
+    except Refused as no:
+        why_not = no
+    except InputError as no:
+        why_not = Refused(str(no))
+    return None, values, None, why_not
+
+
+def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
+    """The same without what the columns of the runs have beside the torque and the speed: offsets
+    (N m), a late torque (s) where no effect says so, and a w that is above the speed."""
+    last, (x, low, high) = made.last, made.values["late"]
+    own = [b for n, b in zip(last.design.names, last.fit.b.tolist(), strict=True) if n == "run"]
+    runs = dict(zip(last.view.with_offset.tolist(), own, strict=True))
+    every = last.values["offset"] if last.design.constant else 0.0
+    offsets = {r: every + runs.get(r, 0.0) for r in np.unique(last.view.motion.run).tolist()}
+    late = x * made.view.longest_hold if low > 0 or high < 0 else 0.0
+    late = late if abs(late) > 0.5 * made.view.motion.dt else 0.0
+    return ready.as_it_acts(offsets, late, made.view.w_above[0])
+
+
+def polished(
+    ready: Prepared, trained: Model, values: ModelValues, always: bool
+) -> tuple[Model, ModelValues]:
+    """Values by one-step predictions, begun from those of the balance with their distribution."""
+    own = values.model.declarations()
+    free = own.keys() & trained.values().keys() - values.model.held()
+    free = [k for k, p in own.items() if p.fitted and k in free]
+    made = polish(ready, lifted(trained, ready.model), free, values.joint, always)
+    if not made.gained:
+        return trained, values
+    finer, joint = trained.with_values(made.values), with_scale(made.joint)
+    estimates = {k: replace(e, value=made.values.get(k, e.value))
+                 for k, e in values.estimates.items()}  # fmt: skip
+    estimates |= as_estimates(joint, finer)
+    model = values.model.with_values(made.values)
+    return finer, replace(values, model=model, estimates=estimates, joint=joint)

@@ -1,25 +1,23 @@
-"""The answer of the torque balance."""
+"""The answers of the torque balance and of the bench tests."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.signal import savgol_filter
 
-from ..core.display import Row, between, estimated, noticed
+from ..core.display import Row, Shown, between, estimated, noticed, with_interval
 from ..core.result import Fields, Result, library, picked
 from ..core.views import view
 from ..record import Stretch
-from .bench_test import BenchTest
 from .findings import Estimate
 
 LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
-SMOOTH = 0.03  # s over which the motion at the samples is differentiated
 NEEDS = {"J": "faster changes of speed", "Fc": "both directions, or rests", "Fv": "other speeds"}
+ONE_WAY = " + constant_torque"  # what a friction torque holds beside itself in one direction
+ALONE = " In one direction Fc holds a constant torque, too."
 
 
 @dataclass(frozen=True)
@@ -49,16 +47,48 @@ class CurvePoint(Fields):
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What remains of u in each window: time, run, torque. Windows at rest are left out: all of
-    them are ``sliding``."""
+    """What remains of u in each window in motion: time, run, torque."""
 
     t: np.ndarray
     run: np.ndarray
     value: np.ndarray
 
-    @property
-    def sliding(self) -> np.ndarray:
-        return np.ones(len(self.t), bool)
+    def along(self, one: Stretch) -> dict[str, np.ndarray]:
+        """theta, w and what is left in the windows of a stretch."""
+        at = (self.run == one.run) & (self.t >= one.t[0]) & (self.t <= one.t[-1])
+        theta: Any = np.full(len(one.t), np.nan) if one.theta is None else one.theta
+        w = np.gradient(theta, one.t) if one.w is None else one.w
+        made = {"theta": theta, "w": w}
+        made = {k: np.interp(self.t[at], one.t, x) for k, x in made.items()}
+        return made | {"left": self.value[at]}
+
+
+@dataclass(frozen=True, repr=False)
+class BenchTable(Fields, Shown):
+    """``columns`` are names with units; a row holds numbers or words, None where unknown."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+
+@dataclass(frozen=True, repr=False)
+class BenchTest(Shown):
+    """A bench test that was recognised in the logs."""
+
+    kind: str  # breakaway_ramps, slow_scan, coast_down, free_swing, steps_and_pulses, staircase
+    text: str  # the answer in one sentence
+    values: Mapping[str, Estimate] = field(default_factory=dict)  # what the test is done for
+    table: BenchTable | None = None
+
+    def summary(self) -> dict[str, Any]:
+        return picked(self, "kind text values" + " table" * (self.table is not None))
+
+
+def in_words(values: Mapping[str, Estimate]) -> str:
+    """Values with their intervals: "Fc 0.120 N m (0.118 to 0.122), ..."."""
+    shown = {name: with_interval(e) for name, e in values.items()}
+    parts = [f"{k} {value} {values[k].unit} ({ends})" for k, (value, ends) in shown.items()]
+    return ", ".join(parts)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -171,29 +201,3 @@ def friction(balance: Balance, w: np.ndarray, side: np.ndarray | float) -> np.nd
     """The friction torque of the plain fit at speeds w in the direction ``side``."""
     values = balance.values()
     return values.get("Fc", 0.0) * side + values.get("Fv", 0.0) * w
-
-
-def at_samples(balance: Balance, one: Stretch) -> dict[str, np.ndarray]:
-    """theta, w and what the fit leaves at the samples of a stretch; NaN near rest. The slow part is
-    that of the fit's windows, which are wider than a wave over a few degrees; how a sample departs
-    from its window is u minus inertia and friction there."""
-    n, dt, windows = len(one.t), float(one.t[1] - one.t[0]), balance.residual
-    width = 2 * min(max(round(SMOOTH / dt / 2), 2), (n - 1) // 2 - 1) + 1
-    unknown = {k: np.full(n, np.nan) for k in ("theta", "w", "left")}
-    if windows is None or width < 5:
-        return unknown
-    at = (windows.run == one.run) & (windows.t >= one.t[0]) & (windows.t <= one.t[-1])
-    t, value = windows.t[at], windows.value[at]
-    if len(t) < 3:
-        return unknown
-    known, order = (one.w, 0) if one.theta is None else (one.theta, 1)
-    smooth: Any = partial(savgol_filter, known, width, 3, delta=dt)
-    w, a = smooth(deriv=order), smooth(deriv=order + 1)
-    fast = one.u - balance.values().get("J", 0.0) * a - friction(balance, w, np.sign(w))
-    total, edges = np.r_[0.0, np.cumsum(fast) * dt], np.r_[one.t, one.t[-1] + dt]
-    half = float(np.median(np.diff(t)))
-    low, high = (np.clip(t + k * half, edges[0], edges[-1]) for k in (-1, 1))
-    mean = np.diff(np.interp([low, high], edges, total), axis=0)[0] / (high - low)
-    slides = (one.t >= t.min()) & (one.t <= t.max()) & one.ok
-    left = np.where(slides, fast + np.interp(one.t, t, value - mean), np.nan)
-    return {"theta": unknown["theta"] if one.theta is None else one.theta, "w": w, "left": left}

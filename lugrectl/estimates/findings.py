@@ -1,4 +1,4 @@
-"""Results of a diagnosis: small frozen objects, plain data, no drawing and no printing."""
+"""Findings of a diagnosis: small frozen objects, plain data, no drawing and no printing."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..blocks.block import members, unit_for
+from ..blocks.block import members
 from ..blocks.table import tabulated
-from ..core.display import Row, Shown, between, estimated
-from ..core.result import Result, library, picked, plain
+from ..core.display import Row, Shown, estimated
+from ..core.result import Fields, Result, library, picked, plain
 from ..core.views import view
 
 if TYPE_CHECKING:
@@ -64,6 +64,9 @@ class Candidate(Shown):
     def summary(self) -> dict[str, Any]:
         return picked(self, "name score")
 
+    def _title(self) -> str:
+        return self.name
+
 
 ELSEWHERE = "record a run with other speeds, positions and loads"
 
@@ -88,14 +91,6 @@ class Finding(Shown):
 
     def summary(self) -> dict[str, Any]:
         return picked(self, "name parameters alternatives")
-
-    def _title(self) -> str:
-        return f"Finding: {self.name}"
-
-    def _rows(self) -> Iterable[Row]:
-        rows = [estimated(k, e) for k, e in self.parameters.items()]
-        others = ", ".join(c.name for c in self.alternatives)
-        return [*rows, Row("alternatives", others)] if others else rows
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -205,16 +200,6 @@ class Table(Result):
     def _title(self) -> str:
         return f"Table: {self.name}"
 
-    def _rows(self) -> Iterable[Row]:
-        ends = between([100.0 * share for share in self.share95])
-        return [
-            Row(self.signals[0], self.points),
-            Row("values", self.values, self.unit),
-            Row("RMS along the record", self.rms, self.unit),
-            Row("share of the residual's power", f"{100.0 * self.share:.0f} %", "",
-                f"({ends} %, {self.windows} windows)"),
-        ]  # fmt: skip
-
     def plot(self, ax: Any = None) -> Any:
         """Draw the table with its 95 % band, into ``ax`` or a new figure; returns the Axes."""
         return view("loop_plots.table")(self, ax)
@@ -248,17 +233,69 @@ class FrictionMap(Result):
         """A DataFrame, a row for each run: w, u, error, held_out."""
         return library("pandas").DataFrame(picked(self, "w u error held_out"))
 
-    def _rows(self) -> Iterable[Row]:
-        torque = unit_for("N m", self.motion)
-        return [
-            Row("runs", len(self.w), "", f"({int(self.held_out.sum())} held out)"),
-            Row("w", self.w, unit_for("rad/s", self.motion)),
-            Row("u", self.u, torque),
-            Row("standard error", self.error, torque),
-            *(estimated(f"swing, order {n}", e) for n, e in self.swing),
-        ]
-
     def plot(self, ax: Any = None) -> Any:
         """Draw the points with their 95 % bars and the models' curves, into ``ax`` or a new figure;
         returns the Axes."""
         return view("diagnosis_plots.friction_map")(self, ax)
+
+
+# ---- the table of models: verdict, rows, budget, limits
+
+
+@dataclass(frozen=True)
+class Share(Fields):
+    """Where a part of the torque goes."""
+
+    term: str
+    rms: float  # N m
+    share: float  # of the RMS friction torque, with its 95 % interval
+    ci95: tuple[float, float] | None
+    signals: tuple[str, ...]  # on which it depends
+
+
+@dataclass(frozen=True)
+class Compared(Fields):
+    """A row of the table: how much better it predicts left-out blocks than the declared model."""
+
+    model: str
+    elpd: float  # log predictive density relative to it, nats, with its paired standard error
+    se: float
+    torque: float  # RMS of what it adds, as a share of friction
+    parameters: int  # its free ones
+
+
+@dataclass(frozen=True)
+class Detectable(Fields):
+    """The smallest share of friction at which an effect would have been seen.
+
+    ``finest``: of waves over theta, those of an order (1/rev; rad/m on linear drives) up to this
+    one; windows that average over noise hide finer ones. None for other effects.
+    """
+
+    name: str
+    share: float
+    finest: float | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What the table says of a record.
+
+    ``rows`` are the models that were compared, ``budget`` says where the torque goes,
+    ``detectable`` how small an effect would have been seen. ``least`` is the smallest torque that
+    matters, as a share of ``friction``, the RMS friction torque (N m). ``stretches`` counts the
+    independent parts of the motion that were compared; None if that is not known.
+    """
+
+    verdict: str
+    rows: tuple[Compared, ...] = ()
+    budget: tuple[Share, ...] = ()
+    detectable: tuple[Detectable, ...] = ()
+    least: float = 0.0
+    friction: float = 0.0
+    stretches: int | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Its keys of the JSON document."""
+        limits = self.detectable if self.verdict == "adequate" else None
+        return plain({"budget": self.budget, "comparison": self.rows, "detectable": limits})

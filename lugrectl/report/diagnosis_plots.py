@@ -16,7 +16,7 @@ from ..core.display import number
 from ..core.errors import InputError
 from ..core.numeric import Z95, top_speed
 from ..core.unit_names import si_unit
-from ..estimates.balance import Balance, at_samples, friction
+from ..estimates.balance import Balance, friction
 from . import loop_plots
 from .canvas import AFTER, BEFORE, HALF, MEASURED, QUIET, binned, drawn, headed, on_pyplot
 from .page import Figure
@@ -130,7 +130,9 @@ def fit(balance: Balance, ax: Axes) -> Axes:
 @drawn
 def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
     """The same over speed or angle, and its mean; samples at rest would cover all others."""
-    parts = [at_samples(balance, one) for one in balance.stretches]
+    windows = balance.residual
+    assert windows is not None
+    parts = [windows.along(one) for one in balance.stretches]
     w, x, y = (np.concatenate([part[k] for part in parts]) for k in ("w", role, "left"))
     good = np.isfinite(y)
     moving = good & (np.abs(w) > _REST * top_speed(w[good]))

@@ -7,7 +7,7 @@ import lugrectl as lg
 from lugrectl.core.errors import Refused
 from lugrectl.estimates.covariance import Joint
 from lugrectl.estimates.findings import Estimate
-from lugrectl.estimates.members import Belief, Members
+from lugrectl.estimates.fitted import Belief, Members
 
 
 def estimates(spread, **values):

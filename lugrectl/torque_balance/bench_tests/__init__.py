@@ -17,7 +17,7 @@ from ...blocks.friction import level
 from ...blocks.model import Model
 from ...core.display import number
 from ...core.numeric import Z95, rms
-from ...estimates.bench_test import ALONE, ONE_WAY, BenchTable, BenchTest, in_words
+from ...estimates.balance import ALONE, ONE_WAY, BenchTable, BenchTest, in_words
 from ...estimates.findings import Estimate
 from ...record import Log
 from .strokes import (
