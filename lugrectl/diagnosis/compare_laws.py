@@ -282,7 +282,7 @@ def _fit(ready: Prepared, asked: Asked, name: str) -> Fit:
     own, held = model.declarations(), model.held()
     free = [k for k in values.known() if own[k].fitted and not own[k].usual and k not in held]
     fit = fitted(ready, values)
-    windows = loglik(ready, fit.drive, [fit.values], [fit.jump], ready.test)[0]
+    windows = loglik(ready, fit.drive, [fit.values], [fit.jump], "test")[0]
     judged = errors(ready, {"refitted": values})
     torque, error = judged.torque_error["refitted"], judged.error["refitted"]
     row = ComparedLaw(name, torque=torque, error=error, parameters=len(free))

@@ -185,7 +185,10 @@ def swings(parts: Sequence[Stretch], unit: str) -> list[Swing]:
     excess = own - beside
     mean, half = excess.mean(axis=0), stats.sem(excess) * stats.t.ppf(0.975, many - 1)
     size = np.sqrt(np.maximum([mean, mean - half, mean + half], 0.0))[:, there].T.tolist()
-    found = [(i + 1, Estimate(a, unit, (b, c))) for i, (a, b, c) in zip(there.tolist(), size, strict=True)]
+    found = [
+        (i + 1, Estimate(a, unit, (b, c)))
+        for i, (a, b, c) in zip(there.tolist(), size, strict=True)
+    ]
     return sorted(found, key=lambda one: -one[1].value)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -55,7 +55,7 @@ WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
 FEWEST = 25  # samples of such a window, at least
 SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
 ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
-MOST = 100_000  # samples that are judged, and as many to train on, in evenly spread windows
+MOST, SAMPLES = 100_000, 20_000  # that are judged, and by which a fit is found, evenly spread
 GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
 EXACT = 1e-11  # of a signal's range: noise of what has none
 Range = tuple[int, int]
@@ -83,6 +83,9 @@ class Windows:
         return Windows(self.start[which], self.length, self.lead[which])
 
 
+NOWHERE = Windows(np.zeros(0, int), 1, np.zeros(0, int))
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One record on its own even time; SI units, N samples."""
@@ -99,6 +102,10 @@ class Run:
     theta: np.ndarray  # position, or the integral of w from 0
     dt: float
     pieces: tuple[Range, ...]  # ranges without a lost sample
+    train: Windows = NOWHERE  # to fit on
+    test: Windows = NOWHERE  # that are judged, a horizon long
+    everywhere: Windows = NOWHERE  # over all of it
+    free: Sequence[Range] = ()  # simulated without a restart
 
     @cached_property
     def speed(self) -> np.ndarray:
@@ -129,8 +136,7 @@ class Run:
     def windows(
         self, ranges: Sequence[Range], length: int, of: Sequence[Range] | None = None
     ) -> Windows:
-        """Those that fit into ranges one after the other, behind a gap in each; observers may run
-        over samples of the ranges ``of``, of their own by default."""
+        """One after the other in each range, behind a gap; observers lead in the ranges ``of``."""
         each = [np.arange(a + self.gap, b - length + 1, length) for a, b in ranges]
         start = np.concatenate([*each, np.zeros(0, int)])
         begins = np.array([a for a, _ in (ranges if of is None else of)] or [0])
@@ -140,37 +146,33 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Records prepared for judging and polishing; windows and ranges are by run."""
+    """Records prepared for judging and polishing."""
 
     model: Model
     runs: tuple[Run, ...]  # the training ones, then one held out as a whole
-    train: tuple[Windows, ...]  # to fit on
-    test: tuple[Windows, ...]  # that are judged, a horizon long
-    free: Sequence[Sequence[Range]]  # simulated without a restart ...
-    in_sample: bool  # ... which hold training samples
+    in_sample: bool  # what is simulated without a restart holds training samples
     held_out: tuple[Span, ...]  # all that is set apart, whether judged or not
     horizon: float
-    everywhere: tuple[Windows, ...]  # over all of a run
     channel: int  # of the errors, which more held-out samples have: 1 for w, 0 for theta
     noise_floor: float  # its own noise, the largest of all runs
     memory: dict[Any, Any] = field(default_factory=dict, repr=False)  # what was computed
 
     def along(
-        self, windows: Sequence[Windows], of: list[int], signals: Callable[[Run, Windows], Any]
+        self, where: str, of: list[int], signals: Callable[[Run, Windows], Any]
     ) -> np.ndarray:
         """Columns ``of`` signals (windows, samples, .) along all runs in turn, else nan, (., N)."""
         made = [np.full((len(run.t), len(of)), np.nan) for run in self.runs]
-        for run, where, own in zip(self.runs, windows, made, strict=True):
-            if where.start.size:
-                own[where.counted] = signals(run, where)[..., of]
+        for run, own in zip(self.runs, made, strict=True):
+            windows: Windows = getattr(run, where)
+            if windows.start.size:
+                own[windows.counted] = signals(run, windows)[..., of]
         return np.concatenate(made).T
 
     def as_it_acts(
         self, run_offsets: Mapping[int, float], u_delay: float = 0.0, above: float = 0.0
     ) -> Prepared:
-        """The same with the torque as it acted: an offset (N m) of the column of a run, by its
-        number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0. A speed that
-        was recorded alone is lowered by ``above`` (rad/s)."""
+        """The same with the torque as it acted: without offsets (N m) of the columns of runs, later
+        by ``u_delay`` (s); and with a speed that is lowered by ``above`` (rad/s)."""
         turn, low, runs = 1 if u_delay >= 0 else -1, np.array([0.0, above]), []
         for i, run in enumerate(self.runs):
             u, theta = run.u - run_offsets.get(i, 0.0), run.theta - above * (run.t - run.t[0])
@@ -187,10 +189,9 @@ def prepared(
     horizon: float,
     memory: float = 0.0,
 ) -> Prepared:
-    """Split records, whose rates and channels may differ, into training and held-out windows:
-    ``holdout`` None sets every other block apart, "last" the last half of the recorded time, a
-    Record itself. Blocks are longer than ``horizon`` and ``memory`` (s), over which the residual
-    depends on itself. Refused where records are too short or too slow for both parts."""
+    """Records, whose rates and channels may differ, split into training and held-out windows: every
+    other block, longer than ``horizon`` and ``memory`` (s), the last half of the recorded time, or
+    a Record. Refused where they are too short or too slow for both parts."""
     apart = [holdout] if isinstance(holdout, Record) else []
     every = [consistent(r) for r in (*records, *apart)]
     if len({r.motion for r in every}) > 1:
@@ -202,27 +203,26 @@ def prepared(
         train, test = _cut(runs, seconds if apart else 0.5 * seconds)
     else:
         train, test = _alternate(runs, horizon, memory)
-    fitting = _training(runs, train)
     both = [*zip(runs, test, strict=True)]
+    fitting, everywhere = _training(runs, train), [r.windows(r.pieces, r.count(1.0)) for r in runs]
     judging = [run.windows(own, run.count(horizon), run.pieces) for run, own in both]
     if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
         raise _too_short(horizon)
-    kept = spread(judging, MOST)
     ends = [(i, a + run.gap, b - 1) for i, (run, own) in enumerate(both) for a, b in own]
     held_out = tuple((i, *runs[i].t[[a, b]].tolist()) for i, a, b in ends if a < b)
-    known = np.array([run.own for run in runs])
-    theta, w = [one.size for one in kept] @ np.isfinite(known)
-    channel = int(w >= theta)
-    everywhere = spread([run.windows(run.pieces, run.count(1.0)) for run in runs], MOST)
+    kept = spread(fitting, SAMPLES), spread(judging, MOST), spread(everywhere, MOST)
     free = test if whole else [run.pieces for run in runs]
-    return Prepared(
-        model, runs, spread(fitting, MOST), kept, free, not whole, held_out, horizon, everywhere,
-        channel, float(np.nanmax(known[:, channel])),
-    )  # fmt: skip
+    parts = zip(runs, *kept, free, strict=True)
+    runs = tuple(replace(run, train=a, test=b, everywhere=c, free=d) for run, a, b, c, d in parts)
+    known = np.array([run.own for run in runs])
+    theta, w = [run.test.size for run in runs] @ np.isfinite(known)
+    channel, noise = int(w >= theta), np.nanmax(known, axis=0)
+    own = not whole, held_out, horizon, channel, float(noise[channel])
+    return Prepared(model, runs, *own)
 
 
 def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
-    """As many windows of all runs as have so many samples, evenly spread, at least one of each."""
+    """Windows of all runs that have so many samples, evenly spread, at least one of each."""
     share, made = most / max(sum(w.size for w in windows), 1), []
     for w in windows:
         kept = min(w.start.size, max(1, round(share * w.start.size)))
@@ -258,8 +258,8 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
 
 
 def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
-    """Windows in motion, the longest that are enough: a rest says nothing of what moves it. Without
-    a compiler short ones, as each step is slow and all windows take it at once."""
+    """Windows in motion, the longest that are enough; short ones where no compiler speeds up the
+    steps, as all windows take each at once."""
     made: list[Windows] = []
     for seconds in WINDOWS if compiler() else WINDOWS[-1:]:
         both = zip(runs, parts, strict=True)
@@ -314,16 +314,13 @@ Sets = Sequence[Values]
 Array = np.ndarray
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
-DIRECT = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
-SAMPLES = 20_000  # samples of training windows, evenly spread, by which a fit is found
 COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
 FINE = np.array([-1.0, -0.5, 0.5, 1.0])  # ... and around the best of these
 WORST = 1e30  # innovation of a model that diverges; its square can still be added up
 
 
 class Drive:
-    """One model structure, traced once, for any values. A delay acts on the recorded torque before
-    anything else, which is the same for effects that do not change in time."""
+    """One model structure, traced once, for any values; a delay acts on the recorded torque."""
 
     def __init__(self, model: Model) -> None:
         self.late = tuple(p for p in model.effects if p.block.exact is held_late)
@@ -349,9 +346,10 @@ class Drive:
         return series
 
     def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
-        """Kalman gain of all states (x, 2) and the covariance of the innovations (2, 2); theta, w
-        and the sensors' states are corrected, the others follow these."""
-        K, S = observer_gain(run.dt, jump, run.noise, self._sensing(values))
+        """Kalman gain (x, 2) of theta, w and the sensors' states, which all others follow, and the
+        covariance of the innovations (2, 2)."""
+        sensing = self._sensing(values) if self.sensors else np.eye(2)
+        K, S = observer_gain(run.dt, jump, run.noise, sensing)
         gain = np.zeros((len(self.lanes.states), 2))
         gain[[0, 1, *self.sensors]] = K
         return gain, S
@@ -360,24 +358,20 @@ class Drive:
         both = zip(sets, jumps, strict=True)
         return np.array([self.gain(run, v, max(jump, least))[0] for v, jump in both])
 
-    def _sensing(self, values: Values) -> tuple[Any, ...]:
-        """The sensors with states, linearised at rest."""
-        if not self.sensors:
-            return DIRECT
+    def _sensing(self, values: Values) -> Array:
+        """Rates of the sensors' states, theta_m and w_m over theta, w and these states, at rest."""
         params = {name: values[k] for name, k in zip(self.lanes.parameters, self.keys, strict=True)}
         rows = [self.system.output_labels.index(name) for name in self.lanes.outputs]
         u, columns = np.zeros(self.system.ninputs), []
         for x in np.eye(len(self.lanes.states))[[0, 1, *self.sensors]]:
             rates = self.system.updfcn(0.0, x, u, params)[self.sensors]
             columns.append(np.append(rates, self.system.outfcn(0.0, x, u, params)[rows]))
-        M, n = np.array(columns, float).T, len(self.sensors)
-        blocks = (M[:n, 2:], M[:n, :2], M[n:, 2:], M[n:, :2])
-        return tuple(tuple(map(tuple, m.tolist())) for m in blocks)
+        return np.array(columns, float).T
 
     def observe(self, run: Run, sets: Sets, jumps: Any, where: Windows) -> tuple[Array, Array]:
-        """One-step predictions of theta and w (S, n, length, 2), each by the samples before it, for
-        S sets of values with their noise of dw/dt (rad/s2) and n windows; and the last states (S,
-        n, x). In the first half of a lead the observer stays close to the measured motion."""
+        """One-step predictions of theta and w (S, n, length, 2) for S sets of values, each with its
+        noise of dw/dt, in n windows, and the last states (S, n, x). In the first half of a lead the
+        observer stays close to the measured motion."""
         gains, close = self._gains(run, sets, jumps), self._gains(run, sets, jumps, run.usual)
         y = np.empty((len(sets), len(where.start), where.length, 2))
         x = np.zeros((len(sets), len(where.start), len(self.lanes.states)))
@@ -446,10 +440,10 @@ def fitted(ready: Prepared, model: Model) -> Fit:
 
 
 def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
-    usual, few = max(run.usual for run in ready.runs), spread(ready.train, SAMPLES)
+    usual = max(run.usual for run in ready.runs)
 
     def totals(logs: np.ndarray) -> np.ndarray:
-        made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
+        made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs))
         return np.maximum(np.nan_to_num(made.sum(axis=1), nan=-np.inf), -(WORST**3))
 
     best = COARSE[np.argmax(totals(COARSE))]
@@ -458,18 +452,18 @@ def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
     return usual * float(np.exp(best + peak))
 
 
-def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
-    both = zip(ready.runs, of, strict=True)
-    made = [whitened(drive, run, where, sets, jumps)[1] for run, where in both if where.size]
+def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: str = "train") -> Array:
+    """The log-likelihood of each window, (sets, windows)."""
+    both = [(run, getattr(run, of)) for run in ready.runs]
+    made = [whitened(drive, *b, sets, jumps)[1] for b in both if b[1].size]
     return np.concatenate(made, axis=1)
 
 
 def whitened(
     drive: Drive, run: Run, where: Windows, sets: Sets, jumps: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2), and
-    the log-likelihood of each window, (sets, windows). Samples that repeat one count weigh less:
-    predicting them is no merit of a model."""
+    """Innovations of unit covariance (sets, windows, length, 2), less of samples that repeat one
+    count, and the log-likelihood of each window (sets, windows)."""
     y, _ = drive.observe(run, sets, jumps, where)
     e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
     weight = 1.0 - run.dull[where.counted]
@@ -488,24 +482,16 @@ def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     return e
 
 
-@lru_cache(maxsize=512)
 def observer_gain(
-    dt: float, jump: float, noise: tuple[float, ...], sensing: tuple[Any, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gain (2 + n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = noise (``jump``,
-    rad/s2, independent from sample to sample: that of the torque over J).
-
-    Sensors with n states s: ds/dt = A s + B (theta, w), y = C s + D (theta, w) + noise; ``sensing``
-    are A, B, C, D as nested tuples. ``noise`` is nan where nothing was recorded: there the gain is
-    0 and the covariance 1. Do not write into the arrays.
-    """
-    n, seen = 2 + len(sensing[0]), np.flatnonzero(np.isfinite(noise))
-    shapes = (n - 2, n - 2), (n - 2, 2), (2, n - 2), (2, 2)
-    A, B, C, D = (np.reshape(m, shape) for m, shape in zip(sensing, shapes, strict=True))
+    dt: float, jump: float, noise: tuple[float, ...], sensing: Array
+) -> tuple[Array, Array]:
+    """Kalman gain (n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = white noise of
+    size ``jump``, and sensors; 0 and 1 where ``noise`` is nan, as nothing was recorded."""
+    n, seen = len(sensing), np.flatnonzero(np.isfinite(noise))
     flow = np.zeros((n + 1, n + 1))  # the last state is the jump of dw/dt
     flow[0, 1] = flow[1, n] = 1.0
-    flow[2:n, :2], flow[2:n, 2:n] = B, A
-    step, H, size = expm(flow * dt), np.hstack([D, C])[seen], np.array(noise)[seen]
+    flow[2:n, :n] = sensing[: n - 2]
+    step, H, size = expm(flow * dt), sensing[n - 2 :][seen], np.array(noise)[seen]
     kept = np.arange(0 if 0 in seen else 1, n)  # theta is unobservable if not recorded
     scale = np.full(n, noise[0] / dt if 0 in seen else noise[1])  # else it is ill-conditioned
     scale[0] *= dt
@@ -540,19 +526,19 @@ class Judged:
 
 
 def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
-    """Simulate models, "declared", "refitted", "augmented", None where values are missing, from the
-    recorded torque alone. Restarts begin from the state of an observer that has seen samples before
-    them only. The residual torque is what the observer of "refitted" adds to each model."""
+    """Simulate "declared" (None: values are missing), "refitted" and "augmented" from the recorded
+    torque alone, restarted from an observer that has seen samples before only. The residual torque
+    is what the observer of "refitted" adds to each model."""
     fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
     jump, channel = fits.get("refitted", [*fits.values()][-1]).jump, ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
     free_run = {k: partial(f.drive.simulate, f.values, f.jump) for k, f in fits.items()}
-    simulated = {k: ready.along(ready.test, [channel], run)[0] for k, run in free_run.items()}
+    simulated = {k: ready.along("test", [channel], run)[0] for k, run in free_run.items()}
     observed = {k: partial(f.observed, jump) for k, f in fits.items()}
-    missing = {k: ready.along(ready.test, [0], one)[0] for k, one in observed.items()}
-    residual = {k: ready.along(ready.everywhere, [0], one)[0] for k, one in observed.items()}
-    theta, w = ready.along(ready.everywhere, [1, 2], [*observed.values()][-1])
-    at = ready.along(ready.test, [0], lambda _, where: where.counted[..., None])[0]
+    missing = {k: ready.along("test", [0], one)[0] for k, one in observed.items()}
+    residual = {k: ready.along("everywhere", [0], one)[0] for k, one in observed.items()}
+    theta, w = ready.along("everywhere", [1, 2], [*observed.values()][-1])
+    at = ready.along("test", [0], lambda _, where: where.counted[..., None])[0]
     held_out = np.isfinite(at + measured)
     said: list[str] = []
 
@@ -584,8 +570,8 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
 
 def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> float:
     missed = [np.zeros((0, 2))]
-    for run, ranges in zip(ready.runs, ready.free, strict=True):
-        for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
+    for run in ready.runs:
+        for a, b in run.free if np.isfinite(run.own[ready.channel]) else ():
             if b - a > run.gap:
                 where = run.windows([(a, b)], b - a - run.gap, run.pieces)
                 missed.append((run.recorded[where.counted] - simulate(run, where))[0])
@@ -594,11 +580,10 @@ def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> fl
 
 def residuals(ready: Prepared, model: Model) -> Residuals:
     """The tests of one-step predictions, over the training windows of the run with most of them."""
-    fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
-    run, where = max(both, key=lambda pair: pair[1].size)
+    fit, run = fitted(ready, model), max(ready.runs, key=lambda run: run.train.size)
     channel = int(np.isfinite(run.noise[1]))
-    e = whitened(fit.drive, run, where, [fit.values], [fit.jump])[0][0, ..., channel]
-    return residuals_of(("theta", "w")[channel], e, run.u[where.counted])
+    e = whitened(fit.drive, run, run.train, [fit.values], [fit.jump])[0][0, ..., channel]
+    return residuals_of(("theta", "w")[channel], e, run.u[run.train.counted])
 
 
 def torque_noise(ready: Prepared, model: Model) -> float:
@@ -619,61 +604,51 @@ TINY = 1e-300  # least variance of a prior
 NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 
 
-@dataclass(frozen=True, eq=False)
-class Polished:
-    """All values of the model after a polish and the distribution of those that it determined."""
-
-    values: dict[str, float]
-    joint: Joint = NONE
-    gained: bool = False  # else the values are those before, of no distribution
-
-
 def polish(
     ready: Prepared, model: Model, free: Sequence[str], start: Joint = NONE, always: bool = False
-) -> Polished:
-    """Make one-step predictions of training windows most likely, from the model's values on.
+) -> tuple[Fit, Joint] | None:
+    """The values that make one-step predictions of training windows most likely, from the model's
+    on, and those of them that are determined; None where nothing is gained by them.
 
     Least squares of the innovations e of an observer with the gain for the noise of dw/dt, which
     is found anew for the values: minimise the sum of e' S^-1 e / 2 and the priors.
     ``start`` is what is known beforehand; other values have the std that the model states, or a
     weak prior: a factor of 4.5 about the start. ``always`` keeps the values whatever left-out
     windows say: nothing else tells them. Free those that the balance knows, too, or their errors
-    move the others. The covariance is the larger of the likelihood's own and the jackknife's over
-    windows: it knows of no error of the model that is the same in all. InputError without a value.
+    move the others.
     """
     begun = fitted(ready, model)
     space = _Space(ready, begun, model, free, start)
-    if space.keys and sum(where.start.size for where in space.where) > 1:
+    if space.keys and sum(run.train.start.size for run in ready.runs) > 1:
         with suppress(np.linalg.LinAlgError):  # the model diverges along this log
             return _at_top(space, begun, always)
-    return Polished(begun.values)
+    return None
 
 
-def _at_top(space: _Space, begun: Fit, always: bool) -> Polished:
-    """The likeliest values, what is known of them, and whether left-out windows (n,) gain, to first
-    order (Takeuchi's criterion), or all values before are within their intervals."""
+def _at_top(space: _Space, begun: Fit, always: bool) -> tuple[Fit, Joint] | None:
+    """The likeliest values, if left-out windows gain, to first order (Takeuchi's criterion), or all
+    values before are in their intervals; their covariance is the likelihood's own or, where that is
+    larger, the jackknife's over windows."""
     tops = [space.up(one) for one in dict.fromkeys((begun, space.scanned()))]
     fit = max(tops, key=lambda one: space.totals([one.values], one.jump)[0])
     parts, scores, each = space.linear(fit)
-    before = space.each([begun.values], begun.jump)[0]
     H = parts.sum(0) + space.weight
     off = np.linalg.solve(H - parts, scores[..., None])[..., 0]
     off *= np.minimum(1.0, FARTHEST / np.maximum(np.max(np.abs(off), axis=1), TINY))[:, None]
     own = np.linalg.inv(H)
+    before = loglik(space.ready, begun.drive, [begun.values], [begun.jump])[0]
     gains = each - np.einsum("wi,ij,wj->w", scores, own, scores) - before
-    gain, error = float(gains.sum()), float(np.std(gains)) * len(gains) ** 0.5
     scatter = (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
     wider = np.sqrt(np.maximum(scatter / np.diag(own), 1.0))
-    C = own * np.outer(wider, wider)
-    prior = np.diag(np.linalg.inv(space.weight))
+    C, prior = own * np.outer(wider, wider), np.diag(np.linalg.inv(space.weight))
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
     moved = np.abs(space.x(fit.values) - space.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
-    if not always and gain <= error and not confirmed:
-        return Polished(begun.values)
+    if not always and gains.sum() <= np.std(gains) * len(gains) ** 0.5 and not confirmed:
+        return None
     names, rates = tuple(space.keys[i] for i in at), space.rates(fit.values)
     found, matrix = np.array([fit.values[k] for k in names]), C * np.outer(rates, rates)
-    return Polished(fit.values, Joint(names, found, matrix[np.ix_(at, at)], space.log[at]), True)
+    return fit, Joint(names, found, matrix[np.ix_(at, at)], space.log[at])
 
 
 class _Space:
@@ -685,7 +660,6 @@ class _Space:
     ) -> None:
         own, values, rotary = model.declarations(), begun.values, model.motion == "rotary"
         self.ready, self.begun, self.model = ready, begun, model
-        self.where = spread(ready.train, SAMPLES)
         fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
         fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
         self.keys = keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
@@ -722,17 +696,14 @@ class _Space:
         return made | {"Fs": max(made["Fs"], made["Fc"])} if {"Fc", "Fs"} <= made.keys() else made
 
     def whitened(self, sets: Sets, jump: float) -> list[tuple[Array, Array]]:
-        both = zip(self.ready.runs, self.where, strict=True)
-        jumps = [jump] * len(sets)
-        return [whitened(self.begun.drive, *b, sets, jumps) for b in both if b[1].size]
-
-    def each(self, sets: Sets, jump: float) -> np.ndarray:
-        """The log-likelihood of each window, (sets, windows)."""
-        return np.concatenate([each for _, each in self.whitened(sets, jump)], axis=1)
+        drive, jumps = self.begun.drive, [jump] * len(sets)
+        runs = [run for run in self.ready.runs if run.train.size]
+        return [whitened(drive, run, run.train, sets, jumps) for run in runs]
 
     def totals(self, sets: Sets, jump: float) -> np.ndarray:
         off = np.array([self.x(values) for values in sets]) - self.middle
-        made = self.each(sets, jump).sum(axis=1) - 0.5 * np.sum(off @ self.weight * off, axis=1)
+        each = loglik(self.ready, self.begun.drive, sets, [jump] * len(sets))
+        made = each.sum(axis=1) - 0.5 * np.sum(off @ self.weight * off, axis=1)
         return np.nan_to_num(made, nan=-np.inf)
 
     def scanned(self) -> Fit:
@@ -876,11 +847,10 @@ def polished(
     free = own.keys() & trained.values().keys() - values.model.held()
     free = [k for k, p in own.items() if p.fitted and k in free]
     made = polish(ready, lifted(trained, ready.model), free, values.joint, always)
-    if not made.gained:
+    if made is None:
         return trained, values
-    finer, joint = trained.with_values(made.values), with_scale(made.joint)
-    estimates = {k: replace(e, value=made.values.get(k, e.value))
-                 for k, e in values.estimates.items()}  # fmt: skip
+    known, joint = made[0].values, with_scale(made[1])
+    finer, model = trained.with_values(known), values.model.with_values(known)
+    estimates = {k: replace(e, value=known.get(k, e.value)) for k, e in values.estimates.items()}
     estimates |= as_estimates(joint, finer)
-    model = values.model.with_values(made.values)
     return finer, replace(values, model=model, estimates=estimates, joint=joint)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from scipy import stats
@@ -17,6 +17,7 @@ from ...blocks.friction import level
 from ...blocks.model import Model
 from ...core.display import number
 from ...core.numeric import Z95, rms
+from ...core.result import plain
 from ...estimates.balance import ALONE, ONE_WAY, BenchTable, BenchTest, in_words
 from ...estimates.findings import Estimate
 from ...record import Log
@@ -111,10 +112,8 @@ def coast_down(bench: Bench) -> BenchTest | None:
     taken, J = "", bench.J
     if J:
         taken = f", with J = {J:.6g} {unit_for('kg m2', bench.motion)} as declared"
-        for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad")):
-            e = values[f"{k}/J"]
-            low, high = e.ci95 or (0.0, 0.0)
-            values[k] = Estimate(J * e.value, unit_for(unit, bench.motion), (J * low, J * high))
+        values |= {k: bench.value(made, lambda p, k=k: J * p[k], unit)
+                   for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad"))}  # fmt: skip
     many = f"{len(coasts)} coast-downs" if len(coasts) > 1 else "One coast-down"
     return BenchTest("coast_down", f"{many}{taken}: {in_words(values)}.{alone}", values)
 
@@ -200,7 +199,7 @@ def free_swing(bench: Bench) -> BenchTest | None:
         for k in ("sin", "cos"):
             terms[f"{k}.{i}"] = lambda s, k=k, i=i: (s.swing == i) * IMPULSES[k](s)
         edges = [h.start for h in halves[::PER_PART]] + [halves[-1].stop]
-        strokes += [Stroke(one, slice(a, b), i) for a, b in zip(edges, edges[1:], strict=False)]
+        strokes += [Stroke(one, slice(a, b), i) for a, b in pairwise(edges)]
     made = best(strokes, terms) if strokes else None
     if made is None or _unexplained(made):
         return None
@@ -305,10 +304,9 @@ DRIFT = 0.15  # of its mean, by which thirds of a scan may differ in speed
 ALIKE = 1.25  # ratio of the speeds of two scans of one test, at most
 ENDS = 0.04  # of a scan at each end, in which the speed settles
 SCANNED = 0.5  # of the moving rows that are scans
-CELLS = 720  # of a turn, over which rows are averaged
+CELLS = 360  # of a turn, over which rows are averaged
 BINS = 72  # of a turn in the table
 ORDERS = range(1, 41)  # per turn
-LITTLE = 0.1  # of the largest harmonic of the speed: less is noise, and accelerates nothing
 LARGEST, CLEARLY = 6, 5.0  # harmonics that are named, and standard errors from which on
 
 
@@ -319,18 +317,13 @@ def slow_scan(bench: Bench) -> BenchTest | None:
     rows = _rows([at for _, at in scans])
     if bench.motion != "rotary" or not scans or rows < SCANNED * bench.moving:
         return None
-    cells = [_cells(one, at) for one, at in scans]
-    speeds = np.array([w for *_, w in cells])
-    if np.ptp(np.sign(speeds)) == 0 or np.abs(speeds).max() > ALIKE * np.abs(speeds).min():
+    x, u, a, w = np.concatenate([_cells(one, at) for one, at in scans], axis=1)
+    if np.ptp(np.sign(w)) == 0 or np.abs(w).max() > ALIKE * np.abs(w).min():
         return None
-    x, u, a = (np.concatenate([c[k] for c in cells]) for k in range(3))
-    side = np.concatenate([np.full(len(c[0]), np.sign(c[-1])) for c in cells])
-    u, columns = u - (bench.J or 0.0) * a, {"Fc": side, **_harmonics(x)}
-    made = solved(columns, u, known=0.0)
+    columns = {"Fc": np.sign(w), **_harmonics(x), **({} if bench.J else {"J": a})}
+    made = solved(columns, u - (bench.J or 0.0) * a, known=0.0)
     if made is None:
         return None
-    if not bench.J:  # it shows in how the directions differ, as does friction that varies
-        made = replace(solved(columns | {"J": a}, u, known=0.0) or made, rivals=[(0.5, made.p)])
     register = max(one.step for one, _ in scans) / np.sqrt(12)
     values = {"Fc": bench.value(made, lambda p: p["Fc"], "N m", register)}
     size = {n: np.hypot(made.p[f"cos{n}"], made.p[f"sin{n}"]) for n in ORDERS}
@@ -338,9 +331,9 @@ def slow_scan(bench: Bench) -> BenchTest | None:
         e = made.of(lambda p, n=n: float(np.hypot(p[f"cos{n}"], p[f"sin{n}"])))
         if e[0] > CLEARLY * e[1]:
             values[f"cogging.{n}"] = interval(*e, made.freedom, "N m", register / np.sqrt(CELLS))
-    said = (f"Slow scan both ways at {number(float(np.abs(speeds).mean()), 3)} rad/s (Fc is the "
-            f"friction at that speed): {in_words(values)}.")  # fmt: skip
-    table = _over_turn(x, u - made.p.get("J", 0.0) * a, side)
+    speed = number(float(np.abs(w).mean()), 3)
+    said = f"Slow scan both ways at {speed} rad/s (Fc is the friction there): {in_words(values)}."
+    table = _over_turn(x, u - made.p.get("J", bench.J or 0.0) * a, w > 0)
     return BenchTest("slow_scan", said, values, table)
 
 
@@ -356,19 +349,14 @@ def _scan(one: Motion, at: slice) -> slice | None:
     return at if even else None
 
 
-def _cells(one: Motion, at: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """The angle, the torque and the acceleration in cells of the turn, and the speed of a scan."""
+def _cells(one: Motion, at: slice) -> np.ndarray:
+    """The angle, the torque, the acceleration and the speed of a scan in cells of the turn."""
     w = float(one.v[at].mean())
     many = max(round(2 * np.pi / CELLS / (abs(w) * one.dt)), 1)
     count = (at.stop - at.start) // many
     x, u, v = (z[at][: count * many].reshape(count, many).mean(1) for z in (one.x, one.u, one.v))
-    x = x + 0.5 * one.dt * w  # the torque is held over the step that follows
-    fit = solved(_harmonics(x), v, known=0.0)
-    a, waves = 0 * x, {n: (fit.p[f"sin{n}"], fit.p[f"cos{n}"]) for n in ORDERS} if fit else {}
-    least = LITTLE * max((np.hypot(*wave) for wave in waves.values()), default=0.0)
-    for n, (sin, cos) in waves.items():
-        a += (np.hypot(sin, cos) > least) * w * n * (sin * np.cos(n * x) - cos * np.sin(n * x))
-    return x, u, a, w
+    # the torque is held over the step that follows
+    return np.array([x + 0.5 * one.dt * w, u, np.gradient(v, many * one.dt), 0 * x + w])
 
 
 def _harmonics(x: np.ndarray) -> dict[str, np.ndarray]:
@@ -378,15 +366,13 @@ def _harmonics(x: np.ndarray) -> dict[str, np.ndarray]:
     return made
 
 
-def _over_turn(x: np.ndarray, u: np.ndarray, side: np.ndarray) -> BenchTable:
-    cell = (np.mod(x, 2 * np.pi) / (2 * np.pi) * BINS).astype(int) % BINS
-    forward, backward = (np.bincount(cell[at], u[at], BINS) / np.bincount(cell[at], minlength=BINS)
-                         for at in (side > 0, side < 0))  # fmt: skip
+def _over_turn(x: np.ndarray, u: np.ndarray, ahead: np.ndarray) -> BenchTable:
+    cell, edges = np.mod(x, 2 * np.pi), np.linspace(0.0, 2 * np.pi, BINS + 1)
+    forward, backward = (stats.binned_statistic(cell[at], u[at], bins=edges).statistic
+                         for at in (ahead, ~ahead))  # fmt: skip
     sums = 0.5 * (forward + backward)
-    columns = ((np.arange(BINS) + 0.5) * 2 * np.pi / BINS, sums - np.nanmean(sums),
-               0.5 * (forward - backward))  # fmt: skip
-    rows = tuple(tuple(z if np.isfinite(z) else None for z in row)
-                 for row in np.array(columns).T.tolist())  # fmt: skip
+    columns = edges[:-1] + np.pi / BINS, sums - np.nanmean(sums), 0.5 * (forward - backward)
+    rows = tuple(map(tuple, plain(np.transpose(columns))))
     return BenchTable(("theta [rad]", "cogging [N m]", "friction [N m]"), rows)
 
 
@@ -418,9 +404,7 @@ def staircase(bench: Bench) -> BenchTest | None:
     found = [(one, at) for one, _, at in both]
     if not found or _rows([whole for _, whole, _ in both]) < COVERED * bench.moving:
         return None
-    w = np.array(
-        [float(one.x[at][-1] - one.x[at][0]) / float(np.ptp(one.t[at])) for one, at in found]
-    )
+    w = np.array([np.diff(one.x[at][[0, -1]])[0] / np.ptp(one.t[at]) for one, at in found])
     if 1 + np.sum(np.diff(np.log(np.sort(np.abs(w)))) > np.log(LEVEL)) < SPEEDS:
         return None
     u, error = np.array([_torque(one, at) for one, at in found]).T
@@ -442,28 +426,16 @@ def _plateaus(one: Motion) -> list[tuple[slice, slice]]:
     edges = np.arange(0, len(one), size)
     b = np.diff(one.x[edges]) / np.diff(one.t[edges])  # mean speeds of blocks
     noise = one.noise * (np.sqrt(2) / (size * one.dt) if one.angle else size**-0.5)
-    made, k = [], 0
-    while k + FEWEST <= len(b):
-        end = k + 1
-        while end < len(b):  # up to the first block whose speed is another
-            mean = b[k:end].mean()
-            if abs(b[end] - mean) > KEEPS * abs(mean) + NOISE * noise:
-                break
-            end += 1
-        if end - k < FEWEST:
-            k += 1
-            continue
+    cuts = np.flatnonzero(np.abs(np.diff(b)) > KEEPS * np.abs(b[1:]) + NOISE * noise) + 1
+    made = []
+    for k, end in pairwise([0, *cuts.tolist(), len(b)]):
         first = k + max(int(np.ceil(SETTLING * (end - k))), 1)
         last = max(end - 1, first + 1)
-        at, w, later = (
-            slice(first * size, last * size),
-            b[first:last],
-            b[(first + last) // 2 : last],
-        )
+        w, later = b[first:last], b[(first + last) // 2 : last]
         off, error = abs(later.mean() - w.mean()), noise / np.sqrt(len(w))
-        if off < STEADY * abs(w.mean()) + 2 * error and abs(w.mean()) > 2 * NOISE * error:
-            made.append((slice(k * size, end * size), at))
-        k = end
+        steady = off < STEADY * abs(w.mean()) + 2 * error and abs(w.mean()) > 2 * NOISE * error
+        if end - k >= FEWEST and steady:
+            made.append((slice(k * size, end * size), slice(first * size, last * size)))
     return made
 
 

@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy import stats
+from scipy.signal import correlate
 
 from ...blocks.friction import level
 from ...core.numeric import Z95, rms
@@ -237,7 +238,7 @@ def solved(
     rows = free if white else free / min(memory(r), free / 4 + 1)
     V, freedom = H * max(cost / free, known) * free / rows, rows
     if strokes >= STROKES:
-        M = np.array([B[a:b].T @ r[a:b] for a, b in zip(ends, ends[1:], strict=False)])
+        M = np.array([B[a:b].T @ r[a:b] for a, b in pairwise(ends)])
         apart = H @ (M.T @ M) @ H * strokes / (strokes - 1)
         more = np.sqrt(np.maximum(np.diag(apart) / np.diag(V), 1.0))
         V, freedom = V * np.outer(more, more), min(rows, strokes - 1.0)
@@ -248,8 +249,7 @@ def solved(
 
 def memory(r: np.ndarray) -> float:
     """The integral of the autocorrelation, in rows, up to its first zero."""
-    f = np.fft.rfft(r, 2 * len(r))
-    c = np.fft.irfft(np.abs(f) ** 2)[: len(r)]
+    c = correlate(r, r)[len(r) - 1 :]
     if c[0] <= 0:
         return 1.0
     end = int(np.argmax(c <= 0)) or len(c)
