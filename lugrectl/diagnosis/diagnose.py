@@ -16,7 +16,7 @@ from ..core.display import Row, estimated
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import stamped
-from ..estimates.findings import Candidate, Comparison, Estimate, Finding
+from ..estimates.findings import Candidate, Estimate, Finding
 from ..estimates.fitted import Belief, Fitted
 from ..torque_balance.budget import comparison, refuse_unjudged, signals
 from ..torque_balance.constants import ALPHA, FLOOR
@@ -73,34 +73,29 @@ class Work:
             self.doubts = self.doubts or contradicted(asked.stretches, model)
         return self
 
-    def notes(self, without_errors: str) -> list[str]:
-        """What there is to say of the fit; the sentence on missing errors has their reason."""
-        made, why = self.made, self.why_not
+    def fields(self, said: Sequence[str] = ()) -> dict[str, Any]:
+        """What both kinds of answers have, ``said`` among their messages."""
+        made, asked, judged, values = self.made, self.asked, self.judged, self.values
         notes = [*filter(None, [self.law]), *self.doubts, *made.notes]
         if names := ", ".join(dict.fromkeys(made.candidates)):
             notes.append(f"Candidates that are not certain: {names}.")
-        if why is not None:
-            notes.append(without_errors.format(why, why.experiment or "").rstrip())
+        if no := self.why_not:
+            notes.append(NO_MOTION.format(no, no.experiment or "").rstrip())
         elif not (self.sure or made.view.is_map):
             notes.append(NO_INERTIA)
-        return [*notes, *(self.judged.messages if self.judged else ())]
-
-    def changes(self) -> list[str]:
-        return moved(self.values.estimates, self.asked.model)
-
-    def fields(self, notes: Sequence[str]) -> dict[str, Any]:
-        judged, values, seen, ready = self.judged, self.values, self.asked.seen, self.ready
+        notes += [*(judged.messages if judged else ()), *self.plain.notes]
+        tested = self.ready and judged
         return {
             "error": judged and judged.error,
             "traces": judged and judged.traces,
             "model": values.model,
-            "declared": self.asked.model,
+            "declared": asked.model,
             "estimates": values.estimates,
             "joint": values.joint,
-            "record": seen[0],
-            "records": tuple(seen),
-            "messages": noted(self.asked, notes),
-            "residuals": residuals(ready, values.model) if ready and judged else None,
+            "record": asked.seen[0],
+            "records": tuple(asked.seen),
+            "messages": noted(asked, [*notes, *moved(values.estimates, asked.model), *said]),
+            "residuals": residuals(self.ready, values.model) if tested else None,
             "torque_noise": self.noise,
             "plain": self.plain,
         }
@@ -229,16 +224,18 @@ def diagnosed(
     refuse_unjudged(found)
     report(0.6, "errors on held-out samples")
     work.end(made, least)
-    ranking = _ranking(found)
+    rows = [row for row in found.rows[1:] if not row.model.startswith("unknown(")]
+    ranking = tuple(Candidate(row.model, row.elpd, row.torque) for row in rows)
     effects = _findings(work, ranking)
-    verdict, depends_on = made.verdict, _signals(made)
+    of = dict.fromkeys(s for term in made.named for s in signals(term.block))
+    verdict, depends_on = made.verdict, tuple(of)
+    if verdict == "unexplained":
+        depends_on = tuple(made.depends_on)
     if work.law and verdict == "adequate":  # friction depends on w in another way
         verdict, depends_on = "unexplained", ("w",)
     stretches = None if made.view.is_map else found.stretches
     then = next_experiment(verdict, depends_on, effects, work.plain, work.sure)
     said, experiment = short(asked.seen, stretches, then)
-    notes = [*work.notes(NO_MOTION), *work.plain.notes, *work.changes(), *said]
-    fields = work.fields(notes)
     noise = float(np.sqrt(made.view.noise)) * abs(made.values["J"][0])
     answered = Diagnosis(
         verdict=verdict,
@@ -251,7 +248,7 @@ def diagnosed(
         table=tabulated(made.last, depends_on) if verdict == "unexplained" else None,
         comparison=found,
         rivals=_rivals(work),
-        **fields,
+        **work.fields(said),
     )
     return of_map(answered, made, asked) if made.view.is_map else answered
 
@@ -277,17 +274,6 @@ def _findings(work: Work, ranking: Sequence[Candidate]) -> tuple[Finding, ...]:
     return tuple(effects)
 
 
-def _ranking(found: Comparison) -> tuple[Candidate, ...]:
-    rows = [row for row in found.rows[1:] if not row.model.startswith("unknown(")]
-    return tuple(Candidate(row.model, row.elpd, row.torque) for row in rows)
-
-
-def _signals(made: Answer) -> tuple[str, ...]:
-    if made.verdict == "unexplained":
-        return tuple(made.depends_on)
-    return tuple(dict.fromkeys(s for t in made.named for s in signals(t.block)))
-
-
 def _rivals(work: Work) -> tuple[Belief, ...]:
     """The models that explain the record as well as the first."""
     made, known = work.made, work.values.estimates
@@ -300,7 +286,6 @@ def _rivals(work: Work) -> tuple[Belief, ...]:
 
 
 NOTHING = "no value of the model is certain from this record alone, nor its inertia."
-ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -398,8 +383,7 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     made = alone(work.parts, asked.model, work.held_out)
     report(0.4, "errors on held-out samples")
     work.end(made, FLOOR)
-    notes = work.notes(ONLY_PLAIN)
-    fields = work.fields([*notes, *work.changes(), *work.plain.notes])
+    fields = work.fields()
     error = (fields.pop("error") or {}).items()
     error = {k: v for k, v in error if k != "augmented"} or None
     found = Identification(error=error, **fields)

@@ -262,25 +262,11 @@ def diagnose_each(
     """
     if isinstance(records, (str, os.PathLike)):
         there(records)
-    options = {
-        "holdout": holdout,
-        "horizon": horizon,
-        "seed": seed,
-        "least": least,
-        "alpha": alpha,
-        "time_limit": time_limit,
-        "law": name_of("friction", law),
-    }
-    return run_each(
-        records,
-        model,
-        {"columns": columns, "units": units, "scale": scale, "rate": rate},
-        options,
-        jobs=jobs,
-        executor=executor,
-        progress=reporter(progress),
-        keep=keep,
-    )
+    options = {"holdout": holdout, "horizon": horizon, "seed": seed, "least": least}
+    options |= {"alpha": alpha, "time_limit": time_limit, "law": name_of("friction", law)}
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
+    how = {"jobs": jobs, "executor": executor, "keep": keep}
+    return run_each(records, model, reading, options, progress=reporter(progress), **how)
 
 
 def run_each(
@@ -301,7 +287,10 @@ def run_each(
     turns a diagnosis into files in the worker process, and ``done`` receives them in this process
     as soon as the log is done. ``command`` is for the provenance."""
     refuse_swapped([records], model)
-    logs, model = record_files(_several(records)), as_model(model)
+    several = [records] if is_record(records) else records
+    if not isinstance(several, Iterable):
+        raise InputError(f"records must be a path or a list of records, not {shown(records)}.")
+    logs, model = record_files(list(several)), as_model(model)
     if not (executor is None or hasattr(executor, "submit")):
         raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")
     names = _names(logs)
@@ -362,23 +351,11 @@ def _diagnosed(
     return Outcome("", code, round(took, 2), d.summary(), d.reason, d if keep else None), extra
 
 
-def _several(records: Logs) -> list[Any]:
-    if is_record(records):
-        return [records]
-    if not isinstance(records, Iterable):
-        raise InputError(f"records must be a path or a list of records, not {shown(records)}.")
-    return list(records)
-
-
 def _names(logs: Sequence[Any]) -> list[str]:
     """A name for each log; records of one source are numbered."""
-    used: dict[str, int] = {}
-    names = []
-    for log in logs:
-        name = source_of(log) if is_table(log) else getattr(log, "source", None) or str(log)
-        used[name] = used.get(name, 0) + 1
-        names.append(name if used[name] == 1 else f"{name} ({used[name]})")
-    return names
+    names = [source_of(x) if is_table(x) else getattr(x, "source", None) or str(x) for x in logs]
+    used = [names[: i + 1].count(name) for i, name in enumerate(names)]
+    return [name if n == 1 else f"{name} ({n})" for name, n in zip(names, used, strict=True)]
 
 
 def _check_options(options: Mapping[str, Any]) -> None:

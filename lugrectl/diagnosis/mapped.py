@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -61,7 +61,8 @@ def judged_on(asked: Asked, held_out: Sequence[Span]) -> tuple[list[Stretch], li
 def of_map(found: Found, made: Answer, asked: Asked) -> Found:
     """An answer, of a diagnosis or an identification, with what only a map has."""
     model, motion = asked.model, asked.model.motion
-    assert isinstance(made.view, MapView) and found.model
+    view = made.view
+    assert isinstance(view, MapView) and found.model
     swing, error = swings(asked.stretches, unit_for("N m", motion)), torque_errors(made)
     known = {k: e for k, e in found.estimates.items() if e.ci95 is not None or e.held}
     silent = [k for k, p in model.declarations().items() if p.fitted and k not in known]
@@ -69,7 +70,7 @@ def of_map(found: Found, made: Answer, asked: Asked) -> Found:
     if Fs := values.get("Fs"):  # a declared one stays, but not below Fc
         values["Fs"] = max(Fs, found.model.known()["Fc"])
     fields: dict[str, Any] = {
-        "error": error | _facts(made),
+        "error": error | _facts(view, made, error),
         "estimates": known,
         "map": friction_map(made, motion, swing),
         "model": found.model.with_values(values),
@@ -79,7 +80,7 @@ def of_map(found: Found, made: Answer, asked: Asked) -> Found:
         del fields["error"]["augmented"]
         return replace(found, **fields)
     if "vs" in silent and found.experiment is None:
-        slow = float(np.abs(made.view.motion.w).min())
+        slow = float(np.abs(view.motion.w).min())
         fields["experiment"] = SLOWER.format(slow, unit_for("rad/s", motion))
     fields["torque_error"] = error
     fields["free_error"] = error | {"signal": "u", "in_sample": False}
@@ -107,17 +108,15 @@ def torque_errors(made: Answer) -> dict[str, Any]:
     return {"unit": unit_for("N m", made.view.model.motion), **dict(both)}
 
 
-def _facts(made: Answer) -> dict[str, Any]:
+def _facts(view: MapView, made: Answer, error: Mapping[str, Any]) -> dict[str, Any]:
     """What else is said of errors of means over stretches of the held-out runs."""
-    view, errors = made.view, (made.declared_error, made.without.error, made.with_names.error)
-    assert isinstance(view, MapView)
-    m, noise = view.motion, view.scatter(made.last.left)
+    m, known = view.motion, [x for x in error.values() if isinstance(x, float)]
     test = np.isin(m.row, np.flatnonzero(made.split.test))
     return {
         "signal": "u",
         "samples": int(m.size[test].sum()),
         "horizon": float(np.median([np.ptp(m.stamp[m.run == run]) for run in np.unique(m.run)])),
-        "noise_floor": min([noise, *(x for x in errors if x is not None)]),
+        "noise_floor": min([view.scatter(made.last.left), *known]),
     }
 
 

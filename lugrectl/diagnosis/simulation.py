@@ -599,23 +599,19 @@ WIDE = 0.3  # the same from which a start is no more than a guess: factors on it
 FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
 SLOPE = 1e-3  # of a coordinate, for slopes
 ROUNDS, CLIMBS, GAINED = 2, 15, 1e-6  # fits, each at the noise before it; their evaluations
-FARTHEST = 0.7  # of a coordinate, that one window may move a fit
 TINY = 1e-300  # least variance of a prior
-NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 
 
 def polish(
-    ready: Prepared, model: Model, free: Sequence[str], start: Joint = NONE, always: bool = False
+    ready: Prepared, model: Model, free: Sequence[str], start: Joint, always: bool = False
 ) -> tuple[Fit, Joint] | None:
     """The values that make one-step predictions of training windows most likely, from the model's
-    on, and those of them that are determined; None where nothing is gained by them.
+    on, and those of them that are determined; None where left-out windows gain nothing.
 
     Least squares of the innovations e of an observer with the gain for the noise of dw/dt, which
-    is found anew for the values: minimise the sum of e' S^-1 e / 2 and the priors.
-    ``start`` is what is known beforehand; other values have the std that the model states, or a
-    weak prior: a factor of 4.5 about the start. ``always`` keeps the values whatever left-out
-    windows say: nothing else tells them. Free those that the balance knows, too, or their errors
-    move the others.
+    is found anew for the values: minimise the sum of e' S^-1 e / 2 and the priors, ``start`` or the
+    std that the model states, else a factor of 4.5 about the start. ``always``: nothing else tells
+    the values. Free those that the balance knows, too, or their errors move the others.
     """
     begun = fitted(ready, model)
     space = _Space(ready, begun, model, free, start)
@@ -628,21 +624,20 @@ def polish(
 def _at_top(space: _Space, begun: Fit, always: bool) -> tuple[Fit, Joint] | None:
     """The likeliest values, if left-out windows gain, to first order (Takeuchi's criterion), or all
     values before are in their intervals; their covariance is the likelihood's own or, where that is
-    larger, the jackknife's over windows."""
+    larger, that of the windows' scores."""
     tops = [space.up(one) for one in dict.fromkeys((begun, space.scanned()))]
     fit = max(tops, key=lambda one: space.totals([one.values], one.jump)[0])
-    parts, scores, each = space.linear(fit)
-    H = parts.sum(0) + space.weight
-    off = np.linalg.solve(H - parts, scores[..., None])[..., 0]
-    off *= np.minimum(1.0, FARTHEST / np.maximum(np.max(np.abs(off), axis=1), TINY))[:, None]
-    own = np.linalg.inv(H)
-    before = loglik(space.ready, begun.drive, [begun.values], [begun.jump])[0]
+    x = space.x(fit.values)
+    A = space.slopes(x, fit.jump)
+    own, n = np.linalg.inv(A.T @ A), len(x)
+    scores = np.add.reduceat((A * space.off(x, fit.jump)[:, None])[:-n], space.starts())
+    each, before = (space.each(one) for one in (fit, begun))
     gains = each - np.einsum("wi,ij,wj->w", scores, own, scores) - before
-    scatter = (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
+    scatter = np.sum((scores @ own) ** 2, axis=0) * len(gains) / (len(gains) - 1)
     wider = np.sqrt(np.maximum(scatter / np.diag(own), 1.0))
     C, prior = own * np.outer(wider, wider), np.diag(np.linalg.inv(space.weight))
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
-    moved = np.abs(space.x(fit.values) - space.x(begun.values)) / np.sqrt(np.diag(C))
+    moved = np.abs(x - space.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
     if not always and gains.sum() <= np.std(gains) * len(gains) ** 0.5 and not confirmed:
         return None
@@ -677,6 +672,7 @@ class _Space:
             known[np.ix_(here, here)] = scaled / np.outer(size, size)
         rates = self.rates(values)
         self.weight = np.eye(len(keys)) / WEAK**2 + known * np.outer(rates, rates)
+        self.root = np.linalg.cholesky(self.weight).T
         declared = {k: v for k, v in ready.model.known().items() if k in std}
         self.middle = self.x({**values, **declared})
 
@@ -695,10 +691,9 @@ class _Space:
         made = self.begun.values | dict(zip(self.keys, np.clip(v, *ends).tolist(), strict=True))
         return made | {"Fs": max(made["Fs"], made["Fc"])} if {"Fc", "Fs"} <= made.keys() else made
 
-    def whitened(self, sets: Sets, jump: float) -> list[tuple[Array, Array]]:
-        drive, jumps = self.begun.drive, [jump] * len(sets)
-        runs = [run for run in self.ready.runs if run.train.size]
-        return [whitened(drive, run, run.train, sets, jumps) for run in runs]
+    def each(self, fit: Fit) -> np.ndarray:
+        """The log-likelihood of each window, (windows,)."""
+        return loglik(self.ready, fit.drive, [fit.values], [fit.jump])[0]
 
     def totals(self, sets: Sets, jump: float) -> np.ndarray:
         off = np.array([self.x(values) for values in sets]) - self.middle
@@ -721,34 +716,30 @@ class _Space:
 
     def up(self, fit: Fit) -> Fit:
         """The likeliest values from these on."""
-        root = np.linalg.cholesky(self.weight).T
-
-        def off(x: np.ndarray, jump: float) -> np.ndarray:
-            e = [e.ravel() for e, _ in self.whitened([self.values(x)], jump)]
-            return np.concatenate([*e, root @ (x - self.middle)])
-
-        def slopes(x: np.ndarray, jump: float) -> np.ndarray:
-            e = [e.reshape(len(e), -1) for e, _ in self.whitened(self._near(x), jump)]
-            e = np.concatenate(e, axis=1)
-            return np.vstack([(e[1:] - e[0]).T / SLOPE, root])
-
         for _ in range(ROUNDS):
-            x, of = self.x(fit.values), {"ftol": GAINED, "max_nfev": CLIMBS, "args": (fit.jump,)}
-            fit = self._at(self.values(least_squares(off, x, slopes, **of).x))
+            of: Any = {"ftol": GAINED, "max_nfev": CLIMBS, "args": (fit.jump,)}
+            found = least_squares(self.off, self.x(fit.values), self.slopes, **of)
+            fit = self._at(self.values(found.x))
         return fit
 
-    def _near(self, x: np.ndarray) -> list[dict[str, float]]:
-        return [self.values(x), *(self.values(x + SLOPE * row) for row in np.eye(len(x)))]
+    def off(self, x: np.ndarray, jump: float) -> np.ndarray:
+        """All innovations, and what the prior misses."""
+        return np.r_[self._innovations([x], jump)[0], self.root @ (x - self.middle)]
 
-    def linear(self, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Information (windows, x, x), slope (windows, x) and log-likelihood (windows,)."""
-        made, many = [], len(self.keys) + 1
-        for white, each in self.whitened(self._near(self.x(fit.values)), fit.jump):
-            e = white.reshape(many, each.shape[1], -1).swapaxes(0, 1)
-            A = (e[:, :1] - e[:, 1:]) / SLOPE
-            made.append((A @ A.swapaxes(1, 2), (A @ e[:, 0, :, None])[..., 0], each[0]))
-        parts, scores, each = map(np.concatenate, zip(*made, strict=True))
-        return parts, scores, each
+    def slopes(self, x: np.ndarray, jump: float) -> np.ndarray:
+        e = self._innovations([x, *(x + SLOPE * np.eye(len(x)))], jump)
+        return np.vstack([(e[1:] - e[0]).T / SLOPE, self.root])
+
+    def _innovations(self, at: Sequence[np.ndarray], jump: float) -> np.ndarray:
+        sets, drive, made = [self.values(x) for x in at], self.begun.drive, []
+        for run in (run for run in self.ready.runs if run.train.size):
+            made.append(whitened(drive, run, run.train, sets, [jump] * len(sets))[0])
+        return np.concatenate([e.reshape(len(sets), -1) for e in made], axis=1)
+
+    def starts(self) -> np.ndarray:
+        """The first row of each window among all innovations."""
+        each = [np.full(run.train.start.size, 2 * run.train.length) for run in self.ready.runs]
+        return np.r_[0, np.cumsum(np.concatenate(each))[:-1]]
 
 
 # ---- the log of a question, and what the torque balance answers of it, by simulation

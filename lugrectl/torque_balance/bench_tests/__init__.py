@@ -31,7 +31,6 @@ from .strokes import (
     Values,
     best,
     interval,
-    likely,
     motions,
     solved,
     stroked,
@@ -467,7 +466,7 @@ def _stribeck(bench: Bench, w: np.ndarray, u: np.ndarray, error: np.ndarray) -> 
     if plain is None:
         return None
     speeds = np.geomspace(LOWEST * np.abs(w).min(), np.abs(w).max(), TRIED)
-    made = likely(plain, [fit(vs) for vs in speeds], SURELY)
+    made = _likely(plain, [fit(vs) for vs in speeds])
     if made.left * np.median(error) > SCATTERED * np.abs(u).mean() or made.p["Fc"] <= 0:
         return None  # on no curve, or no friction: the axis only seems to keep its speed
     values = {"Fc" + more: bench.value(made, lambda p: p["Fc"], "N m"),
@@ -480,6 +479,21 @@ def _stribeck(bench: Bench, w: np.ndarray, u: np.ndarray, error: np.ndarray) -> 
             ends = float(np.exp(low)), float(np.exp(high))
             values |= {"Fs" + more: static, "vs": Estimate(made.p["vs"], log.unit, ends)}
     return values
+
+
+def _likely(plain: Fitted, fallen: Sequence[Fitted | None]) -> Fitted:
+    """The fit without a fall of friction or, where it lowers the misfit by SURELY, the most likely
+    with one, and how likely all are (Burnham and Anderson, Model Selection and Multimodel
+    Inference, 2002, section 4.3)."""
+    fits = [plain, *(one for one in fallen if one is not None and one.p["fall"] > 0)]
+    unit = max(min(f.cost / f.rows for f in fits), 1.0)
+    score = np.array([f.cost / unit + 2 * len(f.p) + 2 * ("fall" in f.p) for f in fits])
+    if score[0] - score.min() < SURELY:
+        return plain
+    weight = np.exp(-0.5 * (score - score.min())) * (np.arange(len(fits)) > 0)
+    shares = (weight / weight.sum()).tolist()
+    rivals = [(share, {"fall": 0.0, **f.p}) for share, f in zip(shares, fits, strict=True)]
+    return replace(fits[int(np.argmax(weight))], rivals=rivals)
 
 
 # ---- the table

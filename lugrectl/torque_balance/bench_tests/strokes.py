@@ -10,15 +10,14 @@ where the angle was recorded, the same once integrated where only the speed was.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from scipy import stats
-from scipy.signal import correlate
+from scipy.signal import correlate, savgol_coeffs, savgol_filter
 
-from ...blocks.friction import level
 from ...core.numeric import Z95, rms
 from ...core.regression import spread
 from ...estimates.findings import Estimate
@@ -75,10 +74,9 @@ class Motion:
         """The speed at every row, the standard deviation of its noise, and rows of its window."""
         v, noise, rows = self.y, self.noise, 1
         for rows in WINDOWS[self.angle :]:
-            j = np.arange(rows) - (rows - 1) / 2
-            k = j / (j @ j) / self.dt if self.angle else np.full(rows, 1 / rows)
-            y = np.pad(self.y, rows // 2, mode="reflect", reflect_type="odd")
-            v, noise = np.convolve(y, k[::-1], "valid"), self.noise * float(np.linalg.norm(k))
+            of = {"polyorder": int(self.angle), "deriv": int(self.angle), "delta": self.dt}
+            v = savgol_filter(self.y, rows, **of)
+            noise = self.noise * float(np.linalg.norm(savgol_coeffs(rows, **of)))
             if noise < SMOOTH * _top(v) or 4 * rows > len(self):
                 break
         return v, noise, rows
@@ -171,11 +169,10 @@ def _motion(rows: Stamped, part: slice, role: str) -> Motion | None:
 # ---- the regression
 
 
-FALLS = 10  # speeds at which friction may fall to its Coulomb level
-MOST_FALL = 0.3  # of the top speed, up to which friction may fall
 CLEARLY = 4.0  # standard errors from which a further term is there
 STROKES = 6  # from which on they are repetitions enough to tell an error
 LEAST = 8  # fresh rows of a stroke
+FAST = 0.1  # of the top speed of a stroke: slower, friction may be above its Coulomb level
 SCALE = 1e-3  # relative error of any scale and clock, standard deviation
 TINY = 1e-300
 Values = Mapping[str, float]
@@ -256,21 +253,6 @@ def memory(r: np.ndarray) -> float:
     return float(1 + 2 * np.sum(c[1:end]) / c[0])
 
 
-def likely(plain: Fitted, fallen: Sequence[Fitted | None], clearly: float = 0.0) -> Fitted:
-    """The most likely of a fit without and fits with friction that falls, and how likely all are
-    (Burnham and Anderson, Model Selection and Multimodel Inference, 2002, section 4.3). A fall that
-    lowers the misfit by ``clearly`` is there: then rivals without it are none."""
-    fits = [plain, *(one for one in fallen if one is not None and one.p["fall"] > 0)]
-    unit = max(min(f.cost / f.rows for f in fits), 1.0)
-    score = np.array([f.cost / unit + 2 * len(f.p) + 2 * ("fall" in f.p) for f in fits])
-    if clearly and score[0] - score.min() < clearly:
-        return plain
-    weight = np.exp(-0.5 * (score - score.min())) * (np.arange(len(fits)) >= bool(clearly))
-    shares = (weight / weight.sum()).tolist()
-    rivals = [(share, {"fall": 0.0, **f.p}) for share, f in zip(shares, fits, strict=True)]
-    return replace(fits[int(np.argmax(weight))], rivals=rivals)
-
-
 def interval(value: float, error: float, freedom: float, unit: str, known: float = 0.0) -> Estimate:
     """A value with its 95 % interval: of its standard error, and of what is known of sensors."""
     student = float(stats.t.ppf(0.975, max(freedom, 1.0)))
@@ -309,10 +291,11 @@ IMPULSES: dict[str, Impulse] = {  # what each coefficient multiplies, integrated
 
 
 def stroked(one: Motion, at: slice) -> list[Stroke]:
-    """A stroke without its ends, whose speed is smeared with the rest; none of too few rows."""
-    edge = one.window // 2 + 1
-    lead = edge if at.start else 0
-    cut = slice(at.start + lead, at.stop - (edge if at.stop < len(one) else 0))
+    """A stroke without its slow ends, whose speed is smeared with the rest; none of few rows."""
+    edge, v = one.window // 2 + 1, np.abs(one.v[at])
+    fast = at.start + np.flatnonzero(v > FAST * v.max())
+    first = max(int(fast[0]), at.start + edge * (at.start > 0))
+    cut = slice(first, min(int(fast[-1]) + 1, at.stop - edge * (at.stop < len(one))))
     enough = cut.stop - cut.start >= LEAST and one.fresh[cut].sum() >= LEAST
     return [Stroke(one, cut)] if enough else []
 
@@ -347,7 +330,7 @@ class Table:
 def best(
     strokes: Sequence[Stroke], terms: Mapping[str, Impulse], more: Sequence[Sequence[str]] = ()
 ) -> Fitted | None:
-    """The fit of the terms, with further ones that are clearly there and a fall that is likely."""
+    """The fit of the terms, with further ones that are clearly there."""
     table = Table(strokes)
     columns = {k: table.of(impulse) for k, impulse in terms.items()}
     made = table.fit(columns)
@@ -358,14 +341,4 @@ def best(
         other = table.fit(tried)
         if other is not None and max(map(other.clear, added)) > CLEARLY:
             made, columns = other, tried
-    slow = min(max(s.motion.still, np.abs(s.v).min()) for s in strokes)
-    top = max(np.abs(s.v).max() for s in strokes)
-
-    def fallen(vs: float) -> Fitted | None:
-        def fall(s: Stroke) -> np.ndarray:
-            return -s.integral(np.sign(s.v) * level(s.v, 0.0, 1.0, vs))
-
-        return table.fit(columns | {"fall": table.of(fall)})
-
-    speeds = np.geomspace(slow, max(MOST_FALL * top, 1.01 * slow), FALLS)
-    return likely(made, [fallen(vs) for vs in speeds])
+    return made
