@@ -17,13 +17,14 @@ from .diagnosis.diagnose import Identification
 from .diagnosis.fleet import Fleet, Outcome
 from .diagnosis.result import Diagnosis
 from .estimates.balance import Balance
-from .estimates.covariance import Joint, Residuals
 from .estimates.findings import (
     Candidate,
     Comparison,
     Estimate,
     Finding,
     FrictionMap,
+    Joint,
+    Residuals,
     Table,
     Traces,
 )

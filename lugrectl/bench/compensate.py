@@ -24,8 +24,7 @@ from ..core.result import Result, library, plain
 from ..core.validation import shown, whole
 from ..core.views import view
 from ..design import Certificate
-from ..estimates.covariance import Joint
-from ..estimates.findings import Table
+from ..estimates.findings import Joint, Table
 from ..loops.parts import OUTPUTS
 from ..record import Record
 from ..record.as_record import as_record

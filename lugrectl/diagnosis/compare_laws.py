@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks import AUTO
-from ..blocks.aliases import listed
+from ..blocks.aliases import block_named, listed
 from ..blocks.block import members, unit_for
 from ..blocks.model import Model, as_model, changed
 from ..core.blas_threads import one_blas_thread
@@ -240,16 +240,11 @@ def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **opt
 
 def law_names(given: Any) -> list[str]:
     """The names of laws: of all where None is given; InputError for one that does not exist."""
-    known = list(members("friction"))
-    if given is None:
-        return known
-    names = listed("friction", given)
+    names = list(members("friction")) if given is None else listed("friction", given)
     if not (isinstance(names, Iterable) and names):
         raise InputError(f"laws must be names of friction laws, not {shown(given)}.")
-    for name in names:
-        if name not in known:
-            raise InputError(f"unknown friction law {shown(name)}; known: {', '.join(known)}.")
-    return list(dict.fromkeys(names))
+    of = {"where": "laws", "what": "friction law"}
+    return list(dict.fromkeys(block_named("friction", name, **of).name for name in names))
 
 
 def _fitted(

@@ -125,17 +125,16 @@ class Diagnosis(Fitted):
         return f"Diagnosis: {self.verdict}{': ' * bool(names)}{names}"
 
     def _rows(self) -> Iterable[Row]:
-        if self.verdict == "refused":
-            rows = [Row("reason", self.reason or "the record cannot answer")]
-            rows += [Row("record next", self.experiment)] if self.experiment else []
-            return [*rows, *self._last_rows()]
+        others = [other.name for one in self.effects for other in one.alternatives]
+        said = {
+            "reason": self.reason,
+            "record next": self.reason and self.experiment,
+            "or": others if self.verdict == "ambiguous" else None,
+            "depends on": ", ".join(self.depends_on),
+        }
         rows = [estimated(f"{one.name}.{k}", e)
                 for one in self.effects for k, e in one.parameters.items()]  # fmt: skip
-        others = [other.name for one in self.effects for other in one.alternatives]
-        if others and self.verdict == "ambiguous":
-            rows.append(Row("or", ", ".join(others)))
-        if self.depends_on:
-            rows.append(Row("depends on", ", ".join(self.depends_on)))
+        rows += [Row(name, value) for name, value in said.items() if value]
         return [*rows, *self._last_rows("refitted", "augmented")]
 
 

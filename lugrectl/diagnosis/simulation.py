@@ -30,8 +30,7 @@ from ..core.numeric import Z95, rms
 from ..core.option_names import option
 from ..engine.runtime.backend import compiler
 from ..engine.runtime.batch_run import Lanes
-from ..estimates.covariance import Joint, Residuals, residuals_of
-from ..estimates.findings import Traces
+from ..estimates.findings import Joint, Residuals, Traces, residuals_of
 from ..record import Record, consistent, long_enough_to_judge
 from ..record.signal_noise import repeating, repeats, sensor_noise, share_noise, smallest_step
 from ..torque_balance.maps import is_map
@@ -51,10 +50,10 @@ from .asked import Asked
 
 BLOCK = 2.0  # s, least length of a held-out block
 AS_FAST = 0.5  # of the top speed of held-out blocks: what the others must reach
-WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
+WINDOWS = (0.25, 1.0)  # s, least and largest length of a training window
 FEWEST = 25  # samples of such a window, at least
 SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
-ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
+ENOUGH, LEAST = 10, 4  # windows: so many of all that is recorded; fewer are refused
 MOST, SAMPLES = 100_000, 20_000  # that are judged, and by which a fit is found, evenly spread
 GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
 EXACT = 1e-11  # of a signal's range: noise of what has none
@@ -258,22 +257,20 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
 
 
 def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
-    """Windows in motion, the longest that are enough; short ones where no compiler speeds up the
-    steps, as all windows take each at once."""
-    made: list[Windows] = []
-    for seconds in WINDOWS if compiler() else WINDOWS[-1:]:
-        both = zip(runs, parts, strict=True)
-        made = [run.windows(part, run.count(seconds, FEWEST)) for run, part in both]
-        slide = [np.abs(run.speed) > SLIDES * np.abs(run.speed).max() for run in runs]
-        moved = [x[w.counted].mean(axis=1) > MOVES for x, w in zip(slide, made, strict=True)]
-        made = [w.at(m) if m.any() else w for w, m in zip(made, moved, strict=True)]
-        if sum(w.start.size for w in made) >= ENOUGH:
-            break
+    """Windows in motion; short ones where no compiler speeds up steps, as all take each at once."""
+    moved = [(np.abs(r.speed) > SLIDES * np.abs(r.speed).max()) * 1.0 for r in runs]
+    total = sum((b - a) * r.dt for r, part in zip(runs, parts, strict=True) for a, b in part)
+    seconds = float(np.clip(total / ENOUGH, *WINDOWS)) if compiler() else WINDOWS[0]
+    made = []
+    for run, part, slides in zip(runs, parts, moved, strict=True):
+        every = run.windows(part, run.count(seconds, FEWEST))
+        some = slides[every.counted].mean(axis=1) > MOVES
+        made.append(every.at(some) if some.any() else every)
     return made
 
 
 def _too_short(horizon: float) -> Refused:
-    needed, rate = 2 * (max(BLOCK, horizon) + GAP), FEWEST / min(WINDOWS)
+    needed, rate = 2 * (max(BLOCK, horizon) + GAP), FEWEST / WINDOWS[0]
     shorter = f", shorten {option('horizon')}" if horizon > BLOCK else ""
     return Refused(
         "The records are too short, or lose too many samples, to fit the model and to check it on "
@@ -602,25 +599,6 @@ ROUNDS, CLIMBS, GAINED = 2, 15, 1e-6  # fits, each at the noise before it; their
 TINY = 1e-300  # least variance of a prior
 
 
-def polish(
-    ready: Prepared, model: Model, free: Sequence[str], start: Joint, always: bool = False
-) -> tuple[Fit, Joint] | None:
-    """The values that make one-step predictions of training windows most likely, from the model's
-    on, and those of them that are determined; None where left-out windows gain nothing.
-
-    Least squares of the innovations e of an observer with the gain for the noise of dw/dt, which
-    is found anew for the values: minimise the sum of e' S^-1 e / 2 and the priors, ``start`` or the
-    std that the model states, else a factor of 4.5 about the start. ``always``: nothing else tells
-    the values. Free those that the balance knows, too, or their errors move the others.
-    """
-    begun = fitted(ready, model)
-    space = _Space(ready, begun, model, free, start)
-    if space.keys and sum(run.train.start.size for run in ready.runs) > 1:
-        with suppress(np.linalg.LinAlgError):  # the model diverges along this log
-            return _at_top(space, begun, always)
-    return None
-
-
 def _at_top(space: _Space, begun: Fit, always: bool) -> tuple[Fit, Joint] | None:
     """The likeliest values, if left-out windows gain, to first order (Takeuchi's criterion), or all
     values before are in their intervals; their covariance is the likelihood's own or, where that is
@@ -648,11 +626,14 @@ def _at_top(space: _Space, begun: Fit, always: bool) -> tuple[Fit, Joint] | None
 
 class _Space:
     """Coordinates of free values, the logarithm of each or, where it may be 0 or less, its part of
-    ``size``, with a Gaussian prior (``middle``, ``weight``), and the likelihood over them."""
+    ``size``; the innovations e of an observer with the gain for the noise of dw/dt, and a Gaussian
+    prior (``middle``, ``weight``) by what is known beforehand, the std that the model states, or a
+    factor of 4.5. Least are the sum of e' S^-1 e / 2 and the prior, at the noise of the values."""
 
     def __init__(
-        self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint
+        self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], first: ModelValues
     ) -> None:
+        start = first.joint
         own, values, rotary = model.declarations(), begun.values, model.motion == "rotary"
         self.ready, self.begun, self.model = ready, begun, model
         fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
@@ -833,14 +814,20 @@ def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
 def polished(
     ready: Prepared, trained: Model, values: ModelValues, always: bool
 ) -> tuple[Model, ModelValues]:
-    """Values by one-step predictions, begun from those of the balance with their distribution."""
-    own = values.model.declarations()
+    """The values that make one-step predictions of training windows most likely, begun from those
+    of the balance with their distribution; as they were where left-out windows gain nothing.
+    ``always``: nothing else tells the values. Those that the balance knows are free, too, or their
+    errors move the others. Refused where a value is missing."""
+    own, model = values.model.declarations(), lifted(trained, ready.model)
     free = own.keys() & trained.values().keys() - values.model.held()
-    free = [k for k, p in own.items() if p.fitted and k in free]
-    made = polish(ready, lifted(trained, ready.model), free, values.joint, always)
-    if made is None:
+    begun, found = fitted(ready, model), None
+    space = _Space(ready, begun, model, [k for k in own if own[k].fitted and k in free], values)
+    if space.keys and sum(run.train.start.size for run in ready.runs) > 1:
+        with suppress(np.linalg.LinAlgError):  # the model diverges along this log
+            found = _at_top(space, begun, always)
+    if found is None:
         return trained, values
-    known, joint = made[0].values, with_scale(made[1])
+    known, joint = found[0].values, with_scale(found[1])
     finer, model = trained.with_values(known), values.model.with_values(known)
     estimates = {k: replace(e, value=known.get(k, e.value)) for k, e in values.estimates.items()}
     estimates |= as_estimates(joint, finer)

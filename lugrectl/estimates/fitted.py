@@ -21,8 +21,7 @@ from ..core.validation import whole
 from ..core.views import view
 from ..record import Record
 from .balance import Balance
-from .covariance import Joint, Residuals
-from .findings import Estimate, FrictionMap, Traces
+from .findings import Estimate, FrictionMap, Joint, Residuals, Traces
 
 ROUNDS = 50  # of drawing again what is out of bounds, before it is moved to the bound
 TORQUE = ("N m", "N")

@@ -13,8 +13,7 @@ from ..blocks.block import Block, is_ours, members
 from ..blocks.model import Model
 from ..core.numeric import rms
 from ..estimates.balance import Balance
-from ..estimates.covariance import Joint
-from ..estimates.findings import Estimate
+from ..estimates.findings import Estimate, Joint
 from . import constants as const
 from .columns import torque
 from .last_fit import WITHOUT_SCALE, LastFit, tells

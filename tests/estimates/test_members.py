@@ -5,8 +5,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core.errors import Refused
-from lugrectl.estimates.covariance import Joint
-from lugrectl.estimates.findings import Estimate
+from lugrectl.estimates.findings import Estimate, Joint
 from lugrectl.estimates.fitted import Belief, Members
 
 
