@@ -260,10 +260,9 @@ def _fitted(
             return ComparedLaw(name, reason=str(no)), np.zeros(0)
 
     fits: list[Fit] = []
-    report(0.1, f"friction law {names[0]}")
-    for fit, then in zip(each_beside(one, names), [*names[1:], names[-1]], strict=True):
+    for fit in each_beside(one, names):
         fits.append(fit)
-        report(0.1 + 0.9 * len(fits) / len(names), f"friction law {then}")
+        report(0.1 + 0.9 * len(fits) / len(names), f"friction laws, {len(fits)} of {len(names)}")
     return fits
 
 
@@ -294,13 +293,11 @@ def _chosen(made: Sequence[Fit], model: Model, bar: float, least: float) -> LawC
     able = [one for one, (gain, se) in zip(fits, gains, strict=True)
             if gain <= bar * se or (one[0].torque or np.inf) < least]  # fmt: skip
     simplest, windows = min(able, key=lambda one: one[0].parameters or 0)
-    rows = [_beside(row, own - windows) for row, own in fits]
+    n, rows = len(windows) ** 0.5, list[ComparedLaw]()
+    for row, own in fits:  # with what each window gains over the chosen law
+        gain = own - windows
+        error = float(n * np.std(gain, ddof=1)) if gain.any() else 0.0
+        rows.append(replace(row, elpd=float(gain.sum()), se=error))
     alike = [row.name for row, _ in able if row is not simplest]
     chosen = changed(model, {"friction": simplest.name}, "laws")
     return LawComparison([*rows, *refused], simplest.name, alike, chosen)
-
-
-def _beside(row: ComparedLaw, gain: np.ndarray) -> ComparedLaw:
-    """A row with what each window (n,) gains over the chosen law."""
-    error = float(np.sqrt(len(gain)) * np.std(gain, ddof=1)) if gain.any() else 0.0
-    return replace(row, elpd=float(gain.sum()), se=error)

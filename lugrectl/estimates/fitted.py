@@ -306,12 +306,10 @@ class Fitted(Result):
         """n drives as they may be, :class:`Members`: models with values drawn from their joint
         covariance, inside their bounds.
 
-        Where several models explain the record each is drawn by its weight: those weights with
-        which their mixture predicts left-out blocks best (Yao, Vehtari, Simpson and Gelman, Using
-        Stacking to Average Bayesian Predictive Distributions, Bayesian Analysis 13(3), 2018). Of a
-        value that the log does not determine the declared std counts; without one the members have
-        no value of it, and each is refused with a sentence that names it. Values with an interval
-        but no covariance are drawn independently.
+        Where several models explain the record each is drawn as often. Of a value that the log does
+        not determine the declared std counts; without one the members have no value of it, and each
+        is refused with a sentence that names it. Values with an interval but no covariance are
+        drawn independently.
         """
         return Members(self.beliefs(), n, seed)
 
