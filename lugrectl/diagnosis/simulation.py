@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Any
 
@@ -215,8 +215,8 @@ def prepared(
     runs = tuple(replace(run, train=a, test=b, everywhere=c, free=d) for run, a, b, c, d in parts)
     known = np.array([run.own for run in runs])
     theta, w = [run.test.size for run in runs] @ np.isfinite(known)
-    channel, noise = int(w >= theta), np.nanmax(known, axis=0)
-    own = not whole, held_out, horizon, channel, float(noise[channel])
+    channel = int(w >= theta)
+    own = not whole, held_out, horizon, channel, float(np.nanmax(known[:, channel]))
     return Prepared(model, runs, *own)
 
 
@@ -345,7 +345,7 @@ class Drive:
     def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
         """Kalman gain (x, 2) of theta, w and the sensors' states, which all others follow, and the
         covariance of the innovations (2, 2)."""
-        sensing = self._sensing(values) if self.sensors else np.eye(2)
+        sensing = self._sensing(values) if self.sensors else ((1.0, 0.0), (0.0, 1.0))
         K, S = observer_gain(run.dt, jump, run.noise, sensing)
         gain = np.zeros((len(self.lanes.states), 2))
         gain[[0, 1, *self.sensors]] = K
@@ -355,7 +355,7 @@ class Drive:
         both = zip(sets, jumps, strict=True)
         return np.array([self.gain(run, v, max(jump, least))[0] for v, jump in both])
 
-    def _sensing(self, values: Values) -> Array:
+    def _sensing(self, values: Values) -> Any:
         """Rates of the sensors' states, theta_m and w_m over theta, w and these states, at rest."""
         params = {name: values[k] for name, k in zip(self.lanes.parameters, self.keys, strict=True)}
         rows = [self.system.output_labels.index(name) for name in self.lanes.outputs]
@@ -363,7 +363,7 @@ class Drive:
         for x in np.eye(len(self.lanes.states))[[0, 1, *self.sensors]]:
             rates = self.system.updfcn(0.0, x, u, params)[self.sensors]
             columns.append(np.append(rates, self.system.outfcn(0.0, x, u, params)[rows]))
-        return np.array(columns, float).T
+        return tuple(map(tuple, np.array(columns, float).T.tolist()))
 
     def observe(self, run: Run, sets: Sets, jumps: Any, where: Windows) -> tuple[Array, Array]:
         """One-step predictions of theta and w (S, n, length, 2) for S sets of values, each with its
@@ -479,16 +479,17 @@ def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     return e
 
 
+@lru_cache(maxsize=512)
 def observer_gain(
-    dt: float, jump: float, noise: tuple[float, ...], sensing: Array
+    dt: float, jump: float, noise: tuple[float, ...], sensing: Any
 ) -> tuple[Array, Array]:
     """Kalman gain (n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = white noise of
     size ``jump``, and sensors; 0 and 1 where ``noise`` is nan, as nothing was recorded."""
     n, seen = len(sensing), np.flatnonzero(np.isfinite(noise))
     flow = np.zeros((n + 1, n + 1))  # the last state is the jump of dw/dt
     flow[0, 1] = flow[1, n] = 1.0
-    flow[2:n, :n] = sensing[: n - 2]
-    step, H, size = expm(flow * dt), sensing[n - 2 :][seen], np.array(noise)[seen]
+    flow[2:n, :n] = np.reshape(sensing[: n - 2], (n - 2, n))
+    step, H, size = expm(flow * dt), np.array(sensing[n - 2 :])[seen], np.array(noise)[seen]
     kept = np.arange(0 if 0 in seen else 1, n)  # theta is unobservable if not recorded
     scale = np.full(n, noise[0] / dt if 0 in seen else noise[1])  # else it is ill-conditioned
     scale[0] *= dt
@@ -595,7 +596,7 @@ WEAK = 1.5  # standard deviation of a coordinate about its start where nothing e
 WIDE = 0.3  # the same from which a start is no more than a guess: factors on it are tried
 FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
 SLOPE = 1e-3  # of a coordinate, for slopes
-ROUNDS, CLIMBS, GAINED = 2, 15, 1e-6  # fits, each at the noise before it; their evaluations
+ROUNDS, CLIMBS, GAINED = 2, 15, 5e-6  # fits, each at the noise before it; their evaluations
 TINY = 1e-300  # least variance of a prior
 
 

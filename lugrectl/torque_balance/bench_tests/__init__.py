@@ -751,13 +751,15 @@ def _plateaus(one: Motion) -> list[tuple[slice, slice]]:
     noise = one.noise * (np.sqrt(2) / (size * one.dt) if one.angle else size**-0.5)
     cuts = np.flatnonzero(np.abs(np.diff(b)) > KEEPS * np.abs(b[1:]) + NOISE * noise) + 1
     made = []
-    for k, end in pairwise([0, *cuts.tolist(), len(b)]):
+    for k, end in (
+        ends for ends in pairwise([0, *cuts.tolist(), len(b)]) if np.ptp(ends) >= FEWEST
+    ):
         first = k + max(int(np.ceil(SETTLING * (end - k))), 1)
         last = max(end - 1, first + 1)
         w, later = b[first:last], b[(first + last) // 2 : last]
         off, error = abs(later.mean() - w.mean()), noise / np.sqrt(len(w))
         steady = off < STEADY * abs(w.mean()) + 2 * error and abs(w.mean()) > 2 * NOISE * error
-        if end - k >= FEWEST and steady:
+        if steady:
             made.append((slice(k * size, end * size), slice(first * size, last * size)))
     return made
 
