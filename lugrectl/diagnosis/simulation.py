@@ -23,7 +23,6 @@ from ..blocks.effects import held_late
 from ..blocks.model import Model
 from ..blocks.plant import Part as Placed
 from ..blocks.plant import assemble
-from ..core.deadline import OutOfTime
 from ..core.deadline import check as check_time
 from ..core.errors import InputError, Refused
 from ..core.numeric import Z95, rms
@@ -166,19 +165,6 @@ class Prepared:
             if windows.start.size:
                 own[windows.counted] = signals(run, windows)[..., of]
         return np.concatenate(made).T
-
-    def as_it_acts(
-        self, run_offsets: Mapping[int, float], u_delay: float = 0.0, above: float = 0.0
-    ) -> Prepared:
-        """The same with the torque as it acted: without offsets (N m) of the columns of runs, later
-        by ``u_delay`` (s); and with a speed that is lowered by ``above`` (rad/s)."""
-        turn, low, runs = 1 if u_delay >= 0 else -1, np.array([0.0, above]), []
-        for i, run in enumerate(self.runs):
-            u, theta = run.u - run_offsets.get(i, 0.0), run.theta - above * (run.t - run.t[0])
-            for a, b in run.pieces if u_delay else ():  # earlier is later in reversed time
-                u[a:b] = held_late(u[a:b][::turn], run.dt, abs(u_delay))[::turn]
-            runs.append(replace(run, u=u, recorded=run.recorded - low, y=run.y - low, theta=theta))
-        return replace(self, runs=tuple(runs), memory={})
 
 
 def prepared(
@@ -727,8 +713,6 @@ class _Space:
 # ---- the log of a question, and what the torque balance answers of it, by simulation
 
 
-STOPPED = "the fit was stopped at its limit of time."
-MORE_TIME = "Give it more time with {}, or a shorter part of the record."
 OTHER_PLACES = (
     "the drive passes most places once, so that few are both in training and in held-out samples. "
     "The torque errors are of shorter parts in turn."
@@ -790,26 +774,28 @@ def simulated(
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
         return errors(ready, models), values, torque_noise(ready, values.model), None
-    except OutOfTime:  # all else is known
-        why_not = Refused(STOPPED, MORE_TIME.format(option("time_limit")))
-    except Refused as no:
-        why_not = no
-    except InputError as no:
-        why_not = Refused(str(no))
-    return None, values, None, why_not
+    except (Refused, InputError) as no:  # all else is known
+        why_not = no if isinstance(no, Refused) else Refused(str(no))
+        return None, values, None, why_not
 
 
 def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
-    """The same without what the columns of the runs have beside the torque and the speed: offsets
-    (N m), a late torque (s) where no effect says so, and a w that is above the speed."""
-    last, (x, low, high) = made.last, made.values["late"]
+    """The same with the torque as it acted: without offsets of the columns of runs, later where no
+    effect says so; and with a w that is not above the speed."""
+    last, (x, low, high), above = made.last, made.values["late"], made.view.w_above[0]
     own = [b for n, b in zip(last.design.names, last.fit.b.tolist(), strict=True) if n == "run"]
-    runs = dict(zip(last.view.with_offset.tolist(), own, strict=True))
+    offsets = dict(zip(last.view.with_offset.tolist(), own, strict=True))
     every = last.values["offset"] if last.design.constant else 0.0
-    offsets = {r: every + runs.get(r, 0.0) for r in np.unique(last.view.motion.run).tolist()}
     late = x * made.view.longest_hold if low > 0 or high < 0 else 0.0
     late = late if abs(late) > 0.5 * made.view.motion.dt else 0.0
-    return ready.as_it_acts(offsets, late, made.view.w_above[0])
+    turn, lower, runs = 1 if late >= 0 else -1, np.array([0.0, above]), []
+    for i, run in enumerate(ready.runs):
+        known = every + offsets.get(i, 0.0) if i in last.view.motion.run else 0.0
+        u, theta = run.u - known, run.theta - above * (run.t - run.t[0])
+        for a, b in run.pieces if late else ():  # earlier is later in reversed time
+            u[a:b] = held_late(u[a:b][::turn], run.dt, abs(late))[::turn]
+        runs.append(replace(run, u=u, recorded=run.recorded - lower, y=run.y - lower, theta=theta))
+    return replace(ready, runs=tuple(runs), memory={})
 
 
 def polished(

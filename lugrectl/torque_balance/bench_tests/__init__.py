@@ -267,7 +267,7 @@ def memory(r: np.ndarray) -> float:
 
 
 def interval(value: float, error: float, freedom: float, unit: str, known: float = 0.0) -> Estimate:
-    """A value with its 95 % interval: of its standard error, and of what is known of sensors."""
+    """A value with its 95 % interval, of its standard error and that of sensors."""
     student = float(stats.t.ppf(0.975, max(freedom, 1.0)))
     half = float(np.hypot(student * error, Z95 * np.hypot(known, SCALE * value)))
     return Estimate(float(value), unit, (float(value - half), float(value + half)))
@@ -278,11 +278,10 @@ def interval(value: float, error: float, freedom: float, unit: str, known: float
 
 @dataclass(frozen=True, eq=False)
 class Stroke:
-    """A motion without a rest; ``at`` are its rows, those of a swing are numbered."""
+    """A motion without a rest; ``at`` are its rows."""
 
     motion: Motion
     at: slice
-    swing: int = 0
 
     def __getattr__(self, name: str) -> np.ndarray:
         return getattr(self.motion, name)[self.at]
@@ -382,10 +381,8 @@ class Bench:
         least = ZERO * max(float(np.abs(one.u).max()) for one in self.motions)
         return [p.at for p in one.pieces if p.held and abs(p.level) <= least]
 
-    def value(
-        self, fit: Fitted, what: Callable[[Values], float], unit: str, known: float = 0.0
-    ) -> Estimate:
-        return interval(*fit.of(what), fit.freedom, unit_for(unit, self.motion), known)
+    def value(self, fit: Fitted, what: Callable[[Values], float], unit: str) -> Estimate:
+        return interval(*fit.of(what), fit.freedom, unit_for(unit, self.motion))
 
 
 def _both(a: slice, b: slice) -> slice:
@@ -472,15 +469,9 @@ def steps_and_pulses(bench: Bench) -> BenchTest | None:
     made, alone = _of_strokes(strokes, "1/J Fc Fv", late=True)
     if made is None or made.p["1/J"] <= 0:
         return None
-    size, register = max(rms(one.u) for one in found), max(one.step for one in found) / np.sqrt(12)
-    values = {}
-    for name, unit in (("J", "kg m2"), ("Fc", "N m"), ("Fv", "N m s/rad")):
-
-        def what(p: Values, name: str = name) -> float:
-            return (1 if name == "J" else p[name]) / p["1/J"]
-
-        known = register if name == "Fc" else what(made.p) * register / size
-        values[name] = bench.value(made, what, unit, known)
+    values = {"J": bench.value(made, lambda p: 1 / p["1/J"], "kg m2")}
+    values |= {k: bench.value(made, lambda p, k=k: p[k] / p["1/J"], unit)
+               for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad"))}  # fmt: skip
     pushes = sum(p.held and p.level != 0 for one in found for p in one.pieces)
     said = f"{pushes} torque steps or pulses: {in_words(values)}.{alone}"
     return BenchTest("steps_and_pulses", said, values)
@@ -512,31 +503,27 @@ PER_PART = 2  # half-swings, over which an integral keeps its noise small
 
 
 def free_swing(bench: Bench) -> BenchTest | None:
-    """Length, gravity, damping and friction of all swings, for each unit of inertia."""
-    if bench.motion != "rotary":
-        return None
+    """Length, gravity, damping and friction of the longest swing, for each unit of inertia."""
     swings = [(one, halves) for one in bench.motions for at in bench.free(one)
               for halves in _alternating(one, at) if len(halves) >= HALVES]  # fmt: skip
-    terms, strokes = {k: IMPULSES[k] for k in ("Fc", "Fv")}, []
-    for i, (one, halves) in enumerate(swings):  # each has its own zero of the angle
-        for k in ("sin", "cos"):
-            terms[f"{k}.{i}"] = lambda s, k=k, i=i: (s.swing == i) * IMPULSES[k](s)
-        edges = [h.start for h in halves[::PER_PART]] + [halves[-1].stop]
-        strokes += [Stroke(one, slice(a, b), i) for a, b in pairwise(edges)]
-    made = best(strokes, terms) if strokes else None
+    if not swings or bench.motion != "rotary":
+        return None
+    one, halves = max(swings, key=lambda swing: len(swing[1]))
+    edges = [h.start for h in halves[::PER_PART]] + [halves[-1].stop]
+    strokes = [Stroke(one, slice(a, b)) for a, b in pairwise(edges)]
+    made = best(strokes, {k: IMPULSES[k] for k in ("Fc", "Fv", "sin", "cos")})
     if made is None or _unexplained(made):
         return None
 
     def pull(p: Values) -> float:
-        each = [np.hypot(p[f"sin.{i}"], p[f"cos.{i}"]) for i in range(len(swings))]
-        return float(np.mean(each))
+        return float(np.hypot(p["sin"], p["cos"]))
 
     values = {"length": bench.value(made, lambda p: G / pull(p), "m"),
               "gravity/J": bench.value(made, pull, "rad/s2"),
               "Fc/J": bench.value(made, lambda p: p["Fc"], "rad/s2"),
               "Fv/J": bench.value(made, lambda p: p["Fv"], "1/s")}  # fmt: skip
-    many = f"{len(swings)} free swings" if len(swings) > 1 else "One free swing"
-    return BenchTest("free_swing", f"{many}: {in_words(values)}.", values)
+    said = f"Free swing, {len(halves)} times through: {in_words(values)}."
+    return BenchTest("free_swing", said, values)
 
 
 def _alternating(one: Motion, at: slice) -> list[list[slice]]:
@@ -647,13 +634,12 @@ def slow_scan(bench: Bench) -> BenchTest | None:
     made = solved(columns, u - (bench.J or 0.0) * a, known=0.0)
     if made is None:
         return None
-    register = max(one.step for one, _ in scans) / np.sqrt(12)
-    values = {"Fc": bench.value(made, lambda p: p["Fc"], "N m", register)}
+    values = {"Fc": bench.value(made, lambda p: p["Fc"], "N m")}
     size = {n: np.hypot(made.p[f"cos{n}"], made.p[f"sin{n}"]) for n in ORDERS}
     for n in sorted(size, key=size.__getitem__, reverse=True)[:LARGEST]:
         e = made.of(lambda p, n=n: float(np.hypot(p[f"cos{n}"], p[f"sin{n}"])))
         if e[0] > CLEARLY * e[1]:
-            values[f"cogging.{n}"] = interval(*e, made.freedom, "N m", register / np.sqrt(CELLS))
+            values[f"cogging.{n}"] = interval(*e, made.freedom, "N m")
     speed = number(float(np.abs(w).mean()), 3)
     said = f"Slow scan both ways at {speed} rad/s (Fc is the friction there): {in_words(values)}."
     table = _over_turn(x, u - made.p.get("J", bench.J or 0.0) * a, w > 0)
