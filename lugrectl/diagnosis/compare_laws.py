@@ -23,7 +23,7 @@ from ..core.result import ComparedRows, Fields, library, picked, plain
 from ..core.validation import shown
 from ..engine.runtime.backend import each_beside
 from ..torque_balance.constants import ALPHA, SCALE
-from ..torque_balance.model_values import completed, model_values, told_by_balance
+from ..torque_balance.model_values import completed, model_values
 from ..torque_balance.plain import alone
 from .asked import Asked, settings
 from .simulation import Prepared, as_it_acts, errors, fitted, loglik, polished, ready_of
@@ -271,8 +271,8 @@ def _fit(ready: Prepared, asked: Asked, name: str) -> Fit:
     model = changed(asked.model, {"friction": name}, "laws")
     made = alone(asked.stretches, model, ready.held_out)
     ready = as_it_acts(replace(ready, model=model, memory={}), made)
-    trained, always = completed(made.trained, model, made.sure), not told_by_balance(model)
-    values = polished(ready, trained, model_values(made, model), always)[0]
+    trained = completed(made.trained, model, made.sure)
+    values = polished(ready, trained, model_values(made, model))[0]
     own, held = model.declarations(), model.held()
     free = [k for k in values.known() if own[k].fitted and not own[k].usual and k not in held]
     fit = fitted(ready, values)

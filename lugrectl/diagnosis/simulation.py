@@ -25,7 +25,7 @@ from ..blocks.plant import Part as Placed
 from ..blocks.plant import assemble
 from ..core.deadline import check as check_time
 from ..core.errors import InputError, Refused
-from ..core.numeric import Z95, rms
+from ..core.numeric import rms
 from ..core.option_names import option
 from ..engine.runtime.backend import compiler
 from ..engine.runtime.batch_run import Lanes
@@ -586,26 +586,18 @@ ROUNDS, CLIMBS, GAINED = 2, 15, 5e-6  # fits, each at the noise before it; their
 TINY = 1e-300  # least variance of a prior
 
 
-def _at_top(space: _Space, begun: Fit, always: bool) -> tuple[Fit, Joint] | None:
-    """The likeliest values, if left-out windows gain, to first order (Takeuchi's criterion), or all
-    values before are in their intervals; their covariance is the likelihood's own or, where that is
-    larger, that of the windows' scores."""
+def _at_top(space: _Space, begun: Fit) -> tuple[Fit, Joint]:
+    """The likeliest values, and those that are determined, with the covariance of the likelihood or
+    that of the windows' scores, where it is larger."""
     tops = [space.up(one) for one in dict.fromkeys((begun, space.scanned()))]
     fit = max(tops, key=lambda one: space.totals([one.values], one.jump)[0])
     x = space.x(fit.values)
-    A = space.slopes(x, fit.jump)
-    own, n = np.linalg.inv(A.T @ A), len(x)
-    scores = np.add.reduceat((A * space.off(x, fit.jump)[:, None])[:-n], space.starts())
-    each, before = (space.each(one) for one in (fit, begun))
-    gains = each - np.einsum("wi,ij,wj->w", scores, own, scores) - before
-    scatter = np.sum((scores @ own) ** 2, axis=0) * len(gains) / (len(gains) - 1)
+    A, e = space.slopes(x, fit.jump), space.off(x, fit.jump)[:, None]
+    own, scores = np.linalg.inv(A.T @ A), np.add.reduceat((A * e)[: -len(x)], space.starts())
+    scatter = np.sum((scores @ own) ** 2, axis=0) * len(scores) / (len(scores) - 1)
     wider = np.sqrt(np.maximum(scatter / np.diag(own), 1.0))
     C, prior = own * np.outer(wider, wider), np.diag(np.linalg.inv(space.weight))
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
-    moved = np.abs(x - space.x(begun.values)) / np.sqrt(np.diag(C))
-    confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
-    if not always and gains.sum() <= np.std(gains) * len(gains) ** 0.5 and not confirmed:
-        return None
     names, rates = tuple(space.keys[i] for i in at), space.rates(fit.values)
     found, matrix = np.array([fit.values[k] for k in names]), C * np.outer(rates, rates)
     return fit, Joint(names, found, matrix[np.ix_(at, at)], space.log[at])
@@ -658,10 +650,6 @@ class _Space:
         ends = np.array([self.model.bounds(k) for k in self.keys]).T
         made = self.begun.values | dict(zip(self.keys, np.clip(v, *ends).tolist(), strict=True))
         return made | {"Fs": max(made["Fs"], made["Fc"])} if {"Fc", "Fs"} <= made.keys() else made
-
-    def each(self, fit: Fit) -> np.ndarray:
-        """The log-likelihood of each window, (windows,)."""
-        return loglik(self.ready, fit.drive, [fit.values], [fit.jump])[0]
 
     def totals(self, sets: Sets, jump: float) -> np.ndarray:
         off = np.array([self.x(values) for values in sets]) - self.middle
@@ -766,11 +754,11 @@ def simulated(
     try:
         own_law = not told_by_balance(model)
         if (clean or own_law) and not made.only_inertia:
-            finer, own = polished(ready, trained, values, own_law)
+            finer, own = polished(ready, trained, values)
             if own_law or torque_noise(ready, finer) < least * made.view.size:
                 trained, values = finer, own
                 named = made.named or made.parts
-                refitted = polished(ready, refitted, own, own_law)[0] if named else trained
+                refitted = polished(ready, refitted, own)[0] if named else trained
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
         return errors(ready, models), values, torque_noise(ready, values.model), None
@@ -798,12 +786,9 @@ def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
     return replace(ready, runs=tuple(runs), memory={})
 
 
-def polished(
-    ready: Prepared, trained: Model, values: ModelValues, always: bool
-) -> tuple[Model, ModelValues]:
+def polished(ready: Prepared, trained: Model, values: ModelValues) -> tuple[Model, ModelValues]:
     """The values that make one-step predictions of training windows most likely, begun from those
-    of the balance with their distribution; as they were where left-out windows gain nothing.
-    ``always``: nothing else tells the values. Those that the balance knows are free, too, or their
+    of the balance with their distribution. Those that the balance knows are free, too, or their
     errors move the others. Refused where a value is missing."""
     own, model = values.model.declarations(), lifted(trained, ready.model)
     free = own.keys() & trained.values().keys() - values.model.held()
@@ -811,7 +796,7 @@ def polished(
     space = _Space(ready, begun, model, [k for k in own if own[k].fitted and k in free], values)
     if space.keys and sum(run.train.start.size for run in ready.runs) > 1:
         with suppress(np.linalg.LinAlgError):  # the model diverges along this log
-            found = _at_top(space, begun, always)
+            found = _at_top(space, begun)
     if found is None:
         return trained, values
     known, joint = found[0].values, with_scale(found[1])
