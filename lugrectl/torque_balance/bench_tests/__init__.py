@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
 
@@ -194,8 +194,7 @@ Columns = dict[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Coefficients by name, their covariance and its degrees of freedom; of rivals how likely each
-    is, and its coefficients."""
+    """Coefficients by name, their covariance and its degrees of freedom."""
 
     p: Values
     V: np.ndarray
@@ -204,17 +203,15 @@ class Fitted:
     moved: float  # RMS of what is fitted
     cost: float
     rows: float  # how many are independent
-    rivals: Sequence[tuple[float, Values]] = field(default=())
 
     def of(self, what: Callable[[Values], float]) -> tuple[float, float]:
-        """A function of the coefficients with its standard error, which holds what rivals say."""
+        """A function of the coefficients with its standard error."""
         value, slopes = what(self.p), []
         for name, error in zip(self.p, np.sqrt(np.diag(self.V)), strict=False):
             step = 1e-3 * error + TINY
             ahead, behind = (what({**self.p, name: self.p[name] + s}) for s in (step, -step))
             slopes.append((ahead - behind) / (2 * step))
-        apart = sum(share * (what(p) - value) ** 2 for share, p in self.rivals)
-        return float(value), float(np.sqrt(np.maximum(slopes @ self.V @ slopes, 0.0) + apart))
+        return float(value), float(np.sqrt(np.maximum(slopes @ self.V @ slopes, 0.0)))
 
     def clear(self, name: str) -> float:
         value, error = self.of(lambda p: p[name])
@@ -631,17 +628,21 @@ def slow_scan(bench: Bench) -> BenchTest | None:
     if np.ptp(np.sign(w)) == 0 or np.abs(w).max() > ALIKE * np.abs(w).min():
         return None
     columns, u = {"Fc": np.sign(w), **_harmonics(x)}, u - (bench.J or 0.0) * a
-    made = solved(columns, u, known=0.0)
-    if made is None:
+    rival = solved(columns, u, known=0.0)
+    if rival is None:
         return None
-    if not bench.J:  # it shows in how the directions differ, as does friction that varies
-        made = replace(solved(columns | {"J": a}, u, known=0.0) or made, rivals=[(0.5, made.p)])
-    values = {"Fc": bench.value(made, lambda p: p["Fc"], "N m")}
-    size = {n: np.hypot(made.p[f"cos{n}"], made.p[f"sin{n}"]) for n in ORDERS}
-    for n in sorted(size, key=size.__getitem__, reverse=True)[:LARGEST]:
-        e = made.of(lambda p, n=n: float(np.hypot(p[f"cos{n}"], p[f"sin{n}"])))
-        if e[0] > CLEARLY * e[1]:
-            values[f"cogging.{n}"] = interval(*e, made.freedom, "N m")
+    # J shows in how the directions differ, as does friction that varies
+    made = rival if bench.J else solved(columns | {"J": a}, u, known=0.0) or rival
+
+    def value(what: Callable[[Values], float]) -> Estimate:
+        off = abs(what(made.p) - what(rival.p)) / np.sqrt(2)
+        return interval(*made.of(what), made.freedom, "N m", off)
+
+    values = {"Fc": value(lambda p: p["Fc"])}
+    size = {n: value(lambda p, n=n: float(np.hypot(p[f"cos{n}"], p[f"sin{n}"]))) for n in ORDERS}
+    for n in sorted(size, key=lambda n: -size[n].value)[:LARGEST]:
+        if (size[n].ci95 or (0.0,))[0] > 0.5 * size[n].value:
+            values[f"cogging.{n}"] = size[n]
     speed = number(float(np.abs(w).mean()), 3)
     said = f"Slow scan both ways at {speed} rad/s (Fc is the friction there): {in_words(values)}."
     table = _over_turn(x, u - made.p.get("J", 0.0) * a, w > 0)
@@ -775,42 +776,31 @@ def _stribeck(bench: Bench, w: np.ndarray, u: np.ndarray, error: np.ndarray) -> 
     columns = {"Fc": side / error, "Fv": w / error}
     columns |= {} if more else {"constant": 1 / error}
 
-    def fit(vs: float | None) -> Fitted | None:
-        fall = {} if vs is None else {"fall": side * level(w, 0.0, 1.0, vs) / error}
-        made = solved(columns | fall, u / error, white=True)
-        return made if vs is None or made is None else replace(made, p={**made.p, "vs": vs})
+    def fallen(vs: float) -> np.ndarray:
+        return side * level(w, 0.0, 1.0, vs) / error
 
-    straight = fit(None)
-    if straight is None:
+    made, y = solved(columns, u / error, white=True), u / error
+    if made is None:
         return None
-    speeds = np.geomspace(LOWEST * np.abs(w).min(), np.abs(w).max(), TRIED)
-    made = _likely(straight, [fit(vs) for vs in speeds])
+    speeds = np.geomspace(LOWEST * np.abs(w).min(), np.abs(w).max(), TRIED).tolist()
+    fits = {vs: solved(columns | {"fall": fallen(vs)}, y, white=True) for vs in speeds}
+    fits = {vs: one for vs, one in fits.items() if one is not None and one.p["fall"] > 0}
+    vs = min(fits, key=lambda vs: fits[vs].cost, default=0.0)
+    if vs and made.cost - fits[vs].cost > SURELY * max(fits[vs].cost / fits[vs].rows, 1.0):
+        bend = fits[vs].p["fall"] * (fallen(1.01 * vs) - fallen(vs / 1.01)) / np.log(1.01**2)
+        made = solved(columns | {"fall": fallen(vs), "log": bend}, y, white=True) or made
     if made.left * np.median(error) > SCATTERED * np.abs(u).mean() or made.p["Fc"] <= 0:
         return None  # on no curve, or no friction: the axis only seems to keep its speed
     values = {"Fc" + more: bench.value(made, lambda p: p["Fc"], "N m"),
               "Fv": bench.value(made, lambda p: p["Fv"], "N m s/rad")}  # fmt: skip
-    if "vs" in made.p:
+    if "log" in made.p:
         static = bench.value(made, lambda p: p["Fc"] + p["fall"], "N m")
-        log = bench.value(made, lambda p: float(np.log(p["vs"])), "rad/s")
-        low, high = log.ci95 or (0.0, 0.0)
+        low, high = bench.value(made, lambda p: p["log"], "1").ci95 or (0.0, 0.0)
         if high - low < 2 and (static.ci95 or (0.0,))[0] > 0:  # slow enough plateaus
-            ends = float(np.exp(low)), float(np.exp(high))
-            values |= {"Fs" + more: static, "vs": Estimate(made.p["vs"], log.unit, ends)}
+            ends = float(vs * np.exp(low - high) ** 0.5), float(vs * np.exp(high - low) ** 0.5)
+            unit = unit_for("rad/s", bench.motion)
+            values |= {"Fs" + more: static, "vs": Estimate(vs, unit, ends)}
     return values
-
-
-def _likely(straight: Fitted, fallen: Sequence[Fitted | None]) -> Fitted:
-    """The fit without a fall of friction or, where that misses more by SURELY, the likeliest with
-    one, and how likely the others are."""
-    fits = [one for one in fallen if one is not None and one.p["fall"] > 0]
-    unit = max(min(f.cost / f.rows for f in (straight, *fits)), 1.0)
-    score = np.array([f.cost / unit for f in fits])
-    if not fits or straight.cost / unit - score.min() < SURELY:
-        return straight
-    weight = np.exp(-0.5 * (score - score.min()))
-    shares = (weight / weight.sum()).tolist()
-    rivals = [(share, f.p) for share, f in zip(shares, fits, strict=True)]
-    return replace(fits[int(np.argmin(score))], rivals=rivals)
 
 
 # ---- the table
