@@ -16,8 +16,8 @@ from .diagnosis.compare_laws import ComparedLaw, LawComparison
 from .diagnosis.diagnose import Identification
 from .diagnosis.fleet import Fleet, Outcome
 from .diagnosis.result import Diagnosis
-from .estimates.balance import Balance
 from .estimates.findings import (
+    Balance,
     Candidate,
     Comparison,
     Estimate,

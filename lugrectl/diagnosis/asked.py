@@ -21,8 +21,7 @@ from ..core.display import with_interval
 from ..core.errors import InputError, Refused
 from ..core.option_names import option
 from ..core.validation import is_file, positive, share, whole
-from ..estimates.balance import LEVELS, Balance, BenchTest
-from ..estimates.findings import AGAINST_HELD, Estimate
+from ..estimates.findings import AGAINST_HELD, LEVELS, Balance, BenchTest, Estimate
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
 from ..record.as_record import as_holdout, as_logs
 from ..record.files.readers import MODEL, SUFFIXES

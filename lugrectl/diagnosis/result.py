@@ -15,8 +15,7 @@ from ..core.display import Row, estimated, with_interval
 from ..core.errors import Refused
 from ..core.result import picked
 from ..core.views import view
-from ..estimates.balance import Balance
-from ..estimates.findings import Candidate, Comparison, Estimate, Finding, Table
+from ..estimates.findings import Balance, Candidate, Comparison, Estimate, Finding, Table
 from ..estimates.fitted import Fitted
 from ..record import Record
 from ..torque_balance.constants import FEW

@@ -56,6 +56,14 @@ ENOUGH, LEAST = 10, 4  # windows: so many of all that is recorded; fewer are ref
 MOST, SAMPLES = 100_000, 20_000  # that are judged, and by which a fit is found, evenly spread
 GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
 EXACT = 1e-11  # of a signal's range: noise of what has none
+TOO_SHORT = (
+    "The records are too short, or lose too many samples, to fit the model and to check it on "
+    "held-out samples."
+)
+LONGER = (
+    "Record at least {:.3g} s of motion without loss at {:.0f} Hz or more, or give a second run "
+    "with {}."
+)
 Range = tuple[int, int]
 Parts = list[list[Range]]
 Span = tuple[int, float, float]  # a run and two times in s
@@ -257,13 +265,7 @@ def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
 
 def _too_short(horizon: float) -> Refused:
     needed, rate = 2 * (max(BLOCK, horizon) + GAP), FEWEST / WINDOWS[0]
-    shorter = f", shorten {option('horizon')}" if horizon > BLOCK else ""
-    return Refused(
-        "The records are too short, or lose too many samples, to fit the model and to check it on "
-        "held-out samples.",
-        f"Record at least {needed:.3g} s of motion without loss at {rate:.0f} Hz or more{shorter}, "
-        f"or give a second run with {option('holdout')}.",
-    )
+    return Refused(TOO_SHORT, LONGER.format(needed, rate, option("holdout")))
 
 
 def run_of(record: Record) -> Run:

@@ -20,8 +20,7 @@ from ..core.result import ComparedRows, NamedRows, Result, library, picked, plai
 from ..core.validation import whole
 from ..core.views import view
 from ..record import Record
-from .balance import Balance
-from .findings import Estimate, FrictionMap, Joint, Residuals, Traces
+from .findings import Balance, Estimate, FrictionMap, Joint, Residuals, Traces
 
 ROUNDS = 50  # of drawing again what is out of bounds, before it is moved to the bound
 TORQUE = ("N m", "N")

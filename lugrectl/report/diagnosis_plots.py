@@ -16,7 +16,7 @@ from ..core.display import number
 from ..core.errors import InputError
 from ..core.numeric import Z95, top_speed
 from ..core.unit_names import si_unit
-from ..estimates.balance import Balance, friction
+from ..estimates.findings import Balance, friction
 from . import loop_plots
 from .canvas import AFTER, BEFORE, HALF, MEASURED, QUIET, binned, drawn, headed, on_pyplot
 from .page import Figure

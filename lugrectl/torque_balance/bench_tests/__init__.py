@@ -29,8 +29,7 @@ from ...core.display import number
 from ...core.numeric import Z95, rms
 from ...core.regression import spread
 from ...core.result import plain
-from ...estimates.balance import ALONE, ONE_WAY, BenchTable, BenchTest, in_words
-from ...estimates.findings import Estimate
+from ...estimates.findings import ALONE, ONE_WAY, BenchTable, BenchTest, Estimate, in_words
 from ...record import Log
 from ...record.samples.rows import Stamped
 from ...record.signal_noise import quantum, repeats, white_noise
