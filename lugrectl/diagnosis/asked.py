@@ -321,7 +321,10 @@ def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Ba
     for key in (k for k in keys if k in free.parameters):
         e, stated = free.parameters[key], model.stated[key]
         value = model.kept({key: e.value})[key]  # the nearest allowed one
-        if value is None or not _far(value, e):
+        if value is None or e.ci95 is None or e.may_be(value):
+            continue
+        low, high = sorted((abs(value), abs(e.value)))
+        if high <= OFF * low and value * e.value >= 0:  # near it
             continue
         left = plain_row(parts, replace(model, stated={key: stated})).left or 1.0
         if left > free.left + SHARE:
@@ -341,11 +344,6 @@ def contradicted(parts: Sequence[Stretch], model: Model) -> list[str]:
     off = {k: x for k, x in held.items() if k in found and not found[k].may_be(x)}
     made = [WOULD_BE.format(k, x, found[k].value) for k, x in off.items()]
     return [f"{AGAINST_HELD}: {', '.join(made)}."] if made else []
-
-
-def _far(value: float, e: Estimate) -> bool:
-    low, high = sorted((abs(value), abs(e.value)))
-    return e.ci95 is not None and not e.may_be(value) and (high > OFF * low or value * e.value < 0)
 
 
 # ---- a law that is not that of the drive

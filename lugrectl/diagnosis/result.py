@@ -113,8 +113,7 @@ class Diagnosis(Fitted):
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
         own = "verdict effects depends_on experiment free_error torque_error reason ranking table"
-        compared = dict.fromkeys(("budget", "comparison", "detectable"))
-        compared = compared if self.comparison is None else self.comparison.summary()
+        compared = (self.comparison or Comparison("")).summary()
         headline = view("wording.headline")(self)[1]
         own = picked(self, f"{own} compensation map")
         return self._document(**own, **compared, headline=headline)

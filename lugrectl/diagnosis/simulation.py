@@ -123,10 +123,6 @@ class Run:
         return np.append(rise, np.full(n, rise[-1]))
 
     @cached_property
-    def inputs(self) -> np.ndarray:
-        return np.column_stack([self.u, self.d])
-
-    @cached_property
     def usual(self) -> float:
         """The usual size of dw/dt over 20 ms, rad/s2."""
         n = min(self.count(0.02), len(self.t) // 3)
@@ -324,7 +320,7 @@ class Drive:
 
     def series(self, run: Run, values: Values) -> np.ndarray:
         """Torque and load torque along a run, (N, 2), N m."""
-        series = run.inputs.copy()
+        series = np.column_stack([run.u, run.d])
         delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
         for a, b in run.pieces:
             series[a:b, 0] = held_late(run.u[a:b], run.dt, delay)
@@ -379,7 +375,11 @@ class Drive:
     def _run(self, run: Run, sets: Sets, x0: Array, start: Array, length: int, gains: Any) -> Any:
         check_time()
         many, n, start = len(sets), len(start), np.tile(start, len(sets))
-        u = np.array([self.series(run, v) for v in sets]) if self.late else run.inputs
+        u = (
+            np.array([self.series(run, v) for v in sets])
+            if self.late
+            else np.column_stack([run.u, run.d])
+        )
         floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
         floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
         y, x = self.lanes.run(
@@ -732,16 +732,15 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
 
 def _same_motion(ready: Prepared) -> bool:
     """Whether most held-out samples lie at angles that training samples pass the same way."""
-    seen, held_out = set[float](), set[float]()
+    places, apart = [], []
     for i, run in enumerate(ready.runs):
         turn = 2 * np.pi if ready.model.motion == "rotary" else float(np.ptp(run.theta)) or 1.0
         way = np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
-        place, out = 3 * (np.floor(run.theta / turn * PLACES) % PLACES) + way, 0 * run.t > 0
-        for own, start, end in ready.held_out:
-            out |= (own == i) & (run.t >= start) & (run.t <= end)
-        seen |= {*np.unique(place[~out]).tolist()}
-        held_out |= {*np.unique(place[out]).tolist()}
-    return len(seen & held_out) > 0.5 * len(held_out)
+        places.append(3 * (np.floor(run.theta / turn * PLACES) % PLACES) + way)
+        own = [(run.t >= a) & (run.t <= b) for k, a, b in ready.held_out if k == i]
+        apart.append(np.any([0 * run.t > 0, *own], axis=0))
+    place, out = np.concatenate(places), np.concatenate(apart)
+    return bool(np.mean(np.isin(np.unique(place[out]), place[~out])) > 0.5)
 
 
 def simulated(

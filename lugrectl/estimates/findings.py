@@ -613,9 +613,8 @@ class Balance(Result):
 
     def summary(self) -> dict[str, Any]:
         """The answer as plain Python values, as under "plain" in the JSON document."""
-        known = {k: picked(e, "value unit ci95") for k, e in self.parameters.items()}
-        rest = "combinations curve left seconds" + " bench_tests" * bool(self.bench_tests)
-        return {"parameters": known, **picked(self, rest)}
+        more = " bench_tests" * bool(self.bench_tests)
+        return picked(self, "parameters combinations curve left seconds" + more)
 
     def to_frame(self) -> Any:
         """A DataFrame of the certain parameters: value, low, high, unit."""

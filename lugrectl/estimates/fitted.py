@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -156,12 +156,6 @@ class Members(Result, Sequence[Model]):
         """The names of the values that were drawn."""
         return self.names
 
-    @overload
-    def __getitem__(self, index: str) -> np.ndarray: ...
-    @overload
-    def __getitem__(self, index: int) -> Model: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Model]: ...
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, str):
             if index not in self._columns:
