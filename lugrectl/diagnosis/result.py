@@ -113,7 +113,8 @@ class Diagnosis(Fitted):
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
         own = "verdict effects depends_on experiment free_error torque_error reason ranking table"
-        compared = (self.comparison or Comparison("")).summary()
+        none = dict.fromkeys(("budget", "comparison", "detectable"))
+        compared = self.comparison.summary() if self.comparison else none
         headline = view("wording.headline")(self)[1]
         own = picked(self, f"{own} compensation map")
         return self._document(**own, **compared, headline=headline)

@@ -322,7 +322,7 @@ class Drive:
         """Torque and load torque along a run, (N, 2), N m."""
         series = np.column_stack([run.u, run.d])
         delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
-        for a, b in run.pieces:
+        for a, b in run.pieces if self.late else ():
             series[a:b, 0] = held_late(run.u[a:b], run.dt, delay)
         return series
 
@@ -375,11 +375,7 @@ class Drive:
     def _run(self, run: Run, sets: Sets, x0: Array, start: Array, length: int, gains: Any) -> Any:
         check_time()
         many, n, start = len(sets), len(start), np.tile(start, len(sets))
-        u = (
-            np.array([self.series(run, v) for v in sets])
-            if self.late
-            else np.column_stack([run.u, run.d])
-        )
+        u = np.array([self.series(run, v) for v in (sets if self.late else sets[:1])])
         floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
         floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
         y, x = self.lanes.run(
