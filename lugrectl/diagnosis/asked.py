@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.block import unit_for
 from ..blocks.model import Model, as_model
 from ..core.blas_threads import one_blas_thread
 from ..core.display import with_interval
@@ -83,10 +82,9 @@ class Asked:
 
     def doubts(self, answer: Balance | None = None) -> tuple[str, ...]:
         """What the log says against the model, asked of several runs and of held values, and where
-        an ``answer`` is doubtful or far from what is declared; Refused where the log is impossible
-        as it was given."""
+        an ``answer`` is doubtful; Refused where the log is impossible as it was given."""
         stated = any(s.fixed or s.bounded for s in self.model.stated.values())
-        odd = answer is not None and (doubtful(answer) or far_off(answer, self.model))
+        odd = answer is not None and doubtful(answer)
         if not (stated or len(self.logs) > 1 or odd):
             return ()
         if self.plain.unlike:
@@ -224,16 +222,16 @@ HELD = (
     "it be fitted."
 )
 WOULD_BE = "{} is held at {:.4g}, but would be {:.4g}"
-COULOMB = {"Fc": ("Coulomb", "N m"), "Fv": ("viscous", "N m s/rad")}
-COMPARE = "Declare another law, or compare them ({})."
-LACKS = "The declared law '{}' has no {} friction, and the log shows {:.3g} {} of it. "
-UNFIT = "The declared law '{}' does not fit this log, whatever its values. "
+UNFIT = (
+    "The declared law '{}' does not fit this log, whatever its values. Declare another law, or "
+    "compare them ({})."
+)
 OFF = 1.5  # times another value: farther than a missing effect takes a balance
 SHARE, HALF = 0.05, 0.5  # of the torque that a held value leaves more; and of all: no answer
 
 MOST_RUNS = 20  # that are compared with one another
 ALIKE, QUARTER = 1.03, 0.25  # ratio of levels that agree; relative error of one that is known
-ABOUT, FARTHER = 2.0, 3.0  # times a declared value: as it may be; a J so far off is looked at
+ABOUT = 2.0  # ratio of levels that no unit explains
 DEG, RPM = 180 / np.pi, 30 / np.pi
 # what undoes it where a channel is so many times what it should be
 TORQUE_AND_TIME = {"u=-1": -1.0, "u=mN m": 1e3, "t=ms": 1e3}
@@ -243,9 +241,6 @@ MOTIONS = {
     ("linear", "theta"): {"theta=mm": 1e3},
     ("linear", "w"): {},
 }
-UNIT = (
-    "{} is {:.4g} times what it is with the declared J and friction: give {}, or correct the model."
-)
 OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
 TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
 OTHERS = "The plain answer is that of the other runs."
@@ -269,8 +264,6 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
     found = plain_row(parts, model)
     notes = (*[OTHERS] * bool(left_out), *found.notes)
     found = replace(found, unlike=tuple(left_out.values()), notes=notes)
-    if said := in_another_unit(parts, model, found):
-        return replace(found, against=(said,), hopeless=True)
     if not parts or not doubtful(found):
         return against_stated(parts, model, found)
     others = {SIGN: [replace(part, u=-part.u) for part in parts]}
@@ -349,18 +342,12 @@ def contradicted(parts: Sequence[Stretch], model: Model) -> list[str]:
 # ---- a law that is not that of the drive
 
 
-def unfit_law(made: Answer, shown: Model, plain: Balance, least: float) -> str:
+def unfit_law(made: Answer, shown: Model, least: float) -> str:
     """A sentence where the declared law, at the values shown, cannot be the drive's; or ""."""
-    law, said = shown.friction.block, ""
-    lacks = [k for k in COULOMB if k not in law.own]
-    if not lacks and means_the_same(law) or misfit(made.last, shown) < 2 * least:
-        return said
-    for key in reversed(lacks):
-        level = {**plain.uncertain, **plain.parameters}.get(key)
-        if level is not None and level.ci95 is not None and level.ci95[0] > 0:
-            kind, unit = COULOMB[key]
-            said = LACKS.format(law.name, kind, level.value, unit_for(unit, shown.motion))
-    return (said or UNFIT.format(law.name)) + COMPARE.format(option("law", "auto"))
+    law = shown.friction.block
+    may_lack = not ({"Fc", "Fv"} <= law.own.keys() and means_the_same(law))
+    unfit = may_lack and misfit(made.last, shown) >= 2 * least
+    return UNFIT.format(law.name, option("law", "auto")) if unfit else ""
 
 
 # ---- a channel in another unit or sign: the log is fitted again without each such fault
@@ -392,18 +379,16 @@ def agree(one: Levels | None, other: Levels | None, least: int, times: float = A
     return known.sum() >= least and bool(np.all(off < np.log(times) + error[known]))
 
 
-def fault(
-    parts: Sequence[Stretch], model: Model, right: Levels, times: float, motion_alone: bool
-) -> tuple[str, str, float]:
+def fault(parts: Sequence[Stretch], model: Model, right: Levels) -> tuple[str, str, float]:
     """Which channel is how many times what makes the levels right, and what undoes it; or ""."""
     of = MOTIONS[model.motion, "w" if parts[0].theta is None else "theta"]
-    for undone, size in (of if motion_alone else TORQUE_AND_TIME | of).items():
+    for undone, size in (TORQUE_AND_TIME | of).items():
         channel = undone.split("=")[0]
         if channel == "t":
             tried = [replace(p, dt=p.dt / size, t=p.t / size) for p in parts]
         else:
             tried = [replace(p, **{channel: getattr(p, channel) / size}) for p in parts]
-        if agree(levels(plain_row(tried, model)), right, 2, times):
+        if agree(levels(plain_row(tried, model)), right, 2):
             return channel, option("scale" if size < 0 else "units", undone), size
     return "", "", 1.0
 
@@ -423,28 +408,9 @@ def unlike(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> dict
         for run, own in each.items():
             if right is None or agree(own, right, 1, ABOUT):  # no unit is so small a factor
                 continue
-            channel, undo, size = fault(runs[run], model, right, ALIKE, False)
+            channel, undo, size = fault(runs[run], model, right)
             if size == -1.0:
                 left_out[run] = OPPOSITE.format(names[run], usual, undo)
             elif channel:
                 left_out[run] = TIMES_OTHERS.format(names[run], channel, size, usual, undo)
     return left_out
-
-
-def far_off(found: Balance, model: Model) -> bool:
-    """Whether the log has an inertia so far from the declared one that a unit may be wrong."""
-    declared, J = model.known().get("J"), {**found.uncertain, **found.parameters}.get("J")
-    if not declared or J is None or J.ci95 is None:
-        return False
-    return J.ci95[0] > FARTHER * declared or 0 < J.ci95[1] < declared / FARTHER
-
-
-def in_another_unit(parts: Sequence[Stretch], model: Model, found: Balance) -> str:
-    """A sentence where one unit of the motion makes the declared J, Fc and Fv of those of the log;
-    "" where none does. Another scale of u is no fault: shares of friction stay."""
-    declared = np.array([model.known().get(k) or np.nan for k in LEVELS])
-    if not far_off(found, model) or np.isnan(declared).any():
-        return ""
-    right, free = np.array([declared, 0 * declared]), replace(model, J=None, stated={})
-    channel, undo, size = fault(parts, free, right, ABOUT, True)
-    return UNIT.format(channel, size, undo) if channel else ""

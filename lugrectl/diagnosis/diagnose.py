@@ -70,7 +70,7 @@ class Work:
         self.plain = asked.completed(plain, perf_counter() - self.start)
         values = values.beside(self.plain)
         self.values = values if self.sure else values.told(model)
-        self.law = unfit_law(made, self.values.model, self.plain, least)
+        self.law = unfit_law(made, self.values.model, least)
         self.doubts = self.doubts or asked.doubts(self.plain)
         if made.verdict not in ("found", "ambiguous"):  # else what is missing contradicts them
             self.doubts = self.doubts or contradicted(asked.stretches, model)

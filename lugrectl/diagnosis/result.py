@@ -150,6 +150,7 @@ SCALE = (
     "all by the factor {:.3g}: if the declared values are right, the scale of u is wrong (torque "
     "constant, gear ratio)"
 )
+UNITS, MUCH = "A factor of {:.3g} in {} is often a unit: see units, as theta=deg or w=rpm.", 3.0
 ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
     "at the same times depends on the motion",
@@ -216,11 +217,15 @@ def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
             text = MOVED.format(key, shown, interval.replace(" to ", ", "), value)
             old[key] = value
             said.append(text if unit == "1" else f"{text} {unit}")
-    factors = {k: found[k].value / old[k] for k in (*PLANT, "Fs") if k in old}
+    factors = {k: found[k].value / old[k] for k in (*PLANT, "Fs") if old.get(k)}
     large = {k: x for k, x in factors.items() if abs(x - 1.0) > FAR}
     if factor := common_factor(large):
         said.append(SCALE.format(factor))
     notes = [LEFT.format("; ".join(said))] if said else []
+    key, most = max(
+        factors.items(), key=lambda one: abs(np.log(max(one[1], 1e-9))), default=("", 1.0)
+    )
+    notes += [UNITS.format(most, key)] if not 1 / MUCH < most < MUCH else []
     for key, one in declared.stated.items():
         for name, end in (("min", one.low), ("max", one.high)):
             value = found[key].value if key in found else np.nan

@@ -85,7 +85,7 @@ class Windows:
     def counted(self) -> np.ndarray:
         return self.start[:, None] + np.arange(self.length)
 
-    def at(self, which: np.ndarray) -> Windows:
+    def at(self, which: Any) -> Windows:
         return Windows(self.start[which], self.length, self.lead[which])
 
 
@@ -211,12 +211,9 @@ def prepared(
 
 
 def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
-    """Windows of all runs that have so many samples, evenly spread, at least one of each."""
-    share, made = most / max(sum(w.size for w in windows), 1), []
-    for w in windows:
-        kept = min(w.start.size, max(1, round(share * w.start.size)))
-        made.append(w.at(np.linspace(0, w.start.size - 1, kept).round().astype(int)))
-    return tuple(made)
+    """Every so many windows of each run, so that they have so many samples at most."""
+    every = max(1, -(-sum(w.size for w in windows) // most))
+    return tuple(w.at(slice(None, None, every)) for w in windows)
 
 
 def _cut(runs: Sequence[Run], left: float) -> tuple[Parts, Parts]:
