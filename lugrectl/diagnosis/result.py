@@ -222,10 +222,7 @@ def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
     if factor := common_factor(large):
         said.append(SCALE.format(factor))
     notes = [LEFT.format("; ".join(said))] if said else []
-    key, most = max(
-        factors.items(), key=lambda one: abs(np.log(max(one[1], 1e-9))), default=("", 1.0)
-    )
-    notes += [UNITS.format(most, key)] if not 1 / MUCH < most < MUCH else []
+    notes += [UNITS.format(x, k) for k, x in factors.items() if not 1 / MUCH < x < MUCH][:1]
     for key, one in declared.stated.items():
         for name, end in (("min", one.low), ("max", one.high)):
             value = found[key].value if key in found else np.nan
