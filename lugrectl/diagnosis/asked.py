@@ -74,8 +74,7 @@ class Asked:
 
     @cached_property
     def plain(self) -> Balance:
-        """The torque balance of the declared model: the base row of the table, with what makes the
-        log impossible."""
+        """The base row of the table, with what makes the log impossible."""
         start = perf_counter()
         made = checked(self.stretches, self.model, [log.source for log in self.logs])
         return self.completed(made, perf_counter() - start)

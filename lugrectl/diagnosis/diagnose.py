@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy import signal, stats
@@ -413,7 +413,6 @@ LOG_ANGLE = (
     "To distinguish {} from {}: log theta from one zero mark in every run, over slow turns in both "
     "directions."
 )
-Found = TypeVar("Found", bound=Fitted)
 Swing = tuple[int, Estimate]
 
 
@@ -433,10 +432,9 @@ def judged_on(asked: Asked, held_out: Sequence[Span]) -> tuple[list[Stretch], li
     return [*parts, *added], [(run, -np.inf, np.inf)]
 
 
-def of_map(found: Found, made: Answer, asked: Asked) -> Found:
+def of_map(found: Any, made: Answer, asked: Asked) -> Any:
     """An answer, of a diagnosis or an identification, with what only a map has."""
-    model, motion = asked.model, asked.model.motion
-    view = made.view
+    model, motion, view = asked.model, asked.model.motion, made.view
     assert isinstance(view, MapView) and found.model
     swing, error = swings(asked.stretches, unit_for("N m", motion)), torque_errors(made)
     known = {k: e for k, e in found.estimates.items() if e.ci95 is not None or e.held}

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from ..blocks import AUTO
-from ..blocks.aliases import block_named, name_of
+from ..blocks.aliases import block_named
 from ..blocks.model import Model, Sent, as_model
 from ..core.blas_threads import one_thread_each
 from ..core.display import Shown
@@ -35,6 +35,10 @@ from .diagnose import diagnose
 from .result import VERDICTS, Diagnosis
 
 FAILED = "failed"
+OWN_SAMPLES = (
+    "the errors of each log are computed on its own samples: holdout must be 'last' or left out, "
+    "not a file."
+)
 Logs = Any  # a path, a table, a Record, or several of them
 
 
@@ -263,7 +267,9 @@ def diagnose_each(
     if isinstance(records, (str, os.PathLike)):
         there(records)
     options = {"holdout": holdout, "horizon": horizon, "seed": seed, "least": least}
-    options |= {"alpha": alpha, "time_limit": time_limit, "law": name_of("friction", law)}
+    of = {"where": "law", "what": "friction law"}
+    law = law if law in (None, AUTO) else block_named("friction", law, **of).name
+    options |= {"alpha": alpha, "time_limit": time_limit, "law": law}
     reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
     how = {"jobs": jobs, "executor": executor, "keep": keep}
     return run_each(records, model, reading, options, progress=reporter(progress), **how)
@@ -294,7 +300,9 @@ def run_each(
     if not (executor is None or hasattr(executor, "submit")):
         raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")
     names = _names(logs)
-    _check_options(options)
+    if not (options["holdout"] is None or is_last(options["holdout"])):
+        raise InputError(OWN_SAMPLES)
+    settings(**options)
     report = reporter(progress)
     here = executor is None and jobs == 1
     made: dict[int, Outcome] = {}
@@ -356,15 +364,3 @@ def _names(logs: Sequence[Any]) -> list[str]:
     names = [source_of(x) if is_table(x) else getattr(x, "source", None) or str(x) for x in logs]
     used = [names[: i + 1].count(name) for i, name in enumerate(names)]
     return [name if n == 1 else f"{name} ({n})" for name, n in zip(names, used, strict=True)]
-
-
-def _check_options(options: Mapping[str, Any]) -> None:
-    """InputError for what cannot be meant, before any log is read."""
-    if not (options["holdout"] is None or is_last(options["holdout"])):
-        raise InputError(
-            "the errors of each log are computed on its own samples: holdout must be 'last' or "
-            "left out, not a file."
-        )
-    settings(**options)
-    if options.get("law") not in (None, AUTO):
-        block_named("friction", options["law"], where="law", what="friction law")

@@ -192,8 +192,7 @@ def noted(asked: Asked, notes: Sequence[str]) -> tuple[str, ...]:
 
 
 def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
-    """The sentences of an answer, then those of the reader, each once, on one of several logs with
-    its name only; of a wrong sign what the answer says of it."""
+    """The sentences of an answer, then those of the reader, each once and with the log's name."""
     bare = {note.split(": ", 1)[1] for note in notes if ": " in note}
     wrong = any(WRONG in note for note in notes)
     kept = [s for s in said if s not in bare and not (wrong and CHANGED in s)]
@@ -204,8 +203,7 @@ def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
 
 
 def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
-    """Sentences on the declared values that lie outside the intervals of an answer, with both
-    values, and what could be the cause of large changes; and on values at a stated bound."""
+    """Sentences on declared values outside the intervals of an answer, and on those at a bound."""
     known, own, held = declared.known(), declared.declarations(), declared.held()
     old, said = dict[str, float](), list[str]()
     for key in (k for k in known if k in found and k not in held and math.isfinite(known[k])):

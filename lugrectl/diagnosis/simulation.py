@@ -324,8 +324,7 @@ class Drive:
         return series
 
     def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
-        """Kalman gain (x, 2) of theta, w and the sensors' states, which all others follow, and the
-        covariance of the innovations (2, 2)."""
+        """Kalman gain (x, 2), of theta, w and the sensors' states, and innovation covariance."""
         sensing = self._sensing(values) if self.sensors else ((1.0, 0.0), (0.0, 1.0))
         K, S = observer_gain(run.dt, jump, run.noise, sensing)
         gain = np.zeros((len(self.lanes.states), 2))
@@ -440,8 +439,8 @@ def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: str = "tra
 def whitened(
     drive: Drive, run: Run, where: Windows, sets: Sets, jumps: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Innovations of unit covariance (sets, windows, length, 2), less of samples that repeat one
-    count, and the log-likelihood of each window (sets, windows)."""
+    """Innovations of unit covariance (sets, windows, length, 2), and the log-likelihood of each
+    window (sets, windows); samples that repeat one count weigh less."""
     y, _ = drive.observe(run, sets, jumps, where)
     e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
     weight = 1.0 - run.dull[where.counted]
@@ -706,8 +705,7 @@ LENGTHS = (0.0, 2.7, 3.7, 5.3)
 
 
 def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
-    """The records split for simulations, or why they cannot be. Where every other block sees one
-    half of a periodic motion, blocks are longer."""
+    """The records split so that both parts see the same motion, or why they cannot be."""
     if is_map(asked.stretches):  # nothing moves that could be simulated
         return None, None
     records, holdout = asked.records(), asked.holdout()

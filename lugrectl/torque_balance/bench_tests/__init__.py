@@ -225,10 +225,9 @@ def solved(
     known: float = 1.0,
     white: bool = False,
 ) -> Fitted | None:
-    """Fit y by columns; None where they cannot be separated. The covariance is of what is left,
-    with its memory unless it is ``white``, at least of the variance ``known``, and of what differs
-    between strokes, whose ``ends`` are these, if that is more. ``taken`` coefficients were taken
-    off y and the columns."""
+    """Fit y by columns, without ``taken`` coefficients; None where they cannot be separated. The
+    covariance is of what is left, at least of the variance ``known``, with its memory unless it is
+    ``white``, or of what differs between strokes with these ``ends``."""
     A = np.column_stack([*columns.values()])
     size, free = np.linalg.norm(A, axis=0), len(y) - A.shape[1] - taken
     if free < 1 or not np.all(size) or not np.all(np.isfinite(A)):
@@ -425,13 +424,11 @@ def coast_down(bench: Bench) -> BenchTest | None:
         return None  # no friction: something else brakes
     values = {f"{k}/J": bench.value(made, lambda p, k=k: p[k], unit)
               for k, unit in (("Fc", "rad/s2"), ("Fv", "1/s"))}  # fmt: skip
-    taken, J = "", bench.J
-    if J:
-        taken = f", with J = {J:.6g} {unit_for('kg m2', bench.motion)} as declared"
+    if J := bench.J:
         values |= {k: bench.value(made, lambda p, k=k: J * p[k], unit)
                    for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad"))}  # fmt: skip
     many = f"{len(coasts)} coast-downs" if len(coasts) > 1 else "One coast-down"
-    return BenchTest("coast_down", f"{many}{taken}: {in_words(values)}.{alone}", values)
+    return BenchTest("coast_down", f"{many}: {in_words(values)}.{alone}", values)
 
 
 def _coasts(one: Motion, free: Sequence[slice]) -> list[Stroke]:
@@ -474,8 +471,7 @@ def steps_and_pulses(bench: Bench) -> BenchTest | None:
 
 
 def _is_held(one: Motion) -> bool:
-    """Whether nearly all motion is under a held torque, which drives a part of it, and does not
-    only keep a speed."""
+    """Whether nearly all motion is under a held torque, which does not only keep a speed."""
     moving, held = np.abs(one.side) > 0, np.zeros(len(one), bool)
     pieces = [p.at for p in one.pieces if p.held]
     for at in pieces:
@@ -757,8 +753,7 @@ def _plateaus(one: Motion) -> list[tuple[slice, slice]]:
 
 
 def _torque(one: Motion, at: slice) -> tuple[float, float]:
-    """The mean torque of a plateau and its standard error; a large one where the axis sticks and
-    slips, or the torque wanders."""
+    """The mean torque of a plateau and its error, a large one where the axis sticks and slips."""
     u, t = one.u[at], one.t[at] - one.t[at.start]
     parts = np.array_split(u, min(PARTS, len(u)))
     error = float(np.std([part.mean() for part in parts], ddof=1) / np.sqrt(len(parts)))
