@@ -131,8 +131,11 @@ def settings(
     **_: Any,
 ) -> tuple[float, float, float, float]:
     """horizon, least, alpha and time_limit; InputError for what cannot be meant."""
-    horizon, _ = positive(horizon, "horizon", "seconds"), whole(seed, "seed")
-    limit = positive(time_limit, "time_limit", "seconds")
+    whole(seed, "seed")
+    horizon, limit = (
+        positive(horizon, "horizon", "seconds"),
+        positive(time_limit, "time_limit", "seconds"),
+    )
     return horizon, share(least, "least"), share(alpha, "alpha"), limit
 
 

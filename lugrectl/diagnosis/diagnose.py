@@ -87,7 +87,7 @@ class Work:
         elif not (self.sure or made.view.is_map):
             notes.append(NO_INERTIA)
         notes += [*(judged.messages if judged else ()), *self.plain.notes]
-        tested = self.ready and judged
+        ready = self.ready if judged else None
         return {
             "error": judged and judged.error,
             "traces": judged and judged.traces,
@@ -98,7 +98,7 @@ class Work:
             "record": asked.seen[0],
             "records": tuple(asked.seen),
             "messages": noted(asked, [*notes, *moved(values.estimates, asked.model), *said]),
-            "residuals": residuals(self.ready, values.model) if tested else None,
+            "residuals": residuals(ready, values.model) if ready else None,
             "torque_noise": self.noise,
             "plain": self.plain,
         }
@@ -206,11 +206,11 @@ def diagnose(
         options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}
         options |= {"holdout": holdout, "horizon": horizon, "seed": seed, **reading}
         return under_law(diagnose, record, model, law, **options)
-    *limits, limit = settings(horizon, seed, least, alpha, time_limit)
+    horizon, least, alpha, limit = settings(horizon, seed, least, alpha, time_limit)
     asked = Asked.of(record, model, holdout, **reading)
     try:
         with within(limit):
-            return diagnosed(asked, *limits, reporter(progress))
+            return diagnosed(asked, horizon, least, alpha, reporter(progress))
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
 

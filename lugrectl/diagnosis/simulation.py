@@ -667,8 +667,8 @@ class _Space:
     def up(self, fit: Fit) -> Fit:
         """The likeliest values from these on."""
         for _ in range(ROUNDS):
-            of: Any = {"ftol": GAINED, "max_nfev": CLIMBS, "args": (fit.jump,)}
-            found = least_squares(self.off, self.x(fit.values), self.slopes, **of)
+            of: Any = {"jac": self.slopes, "ftol": GAINED, "max_nfev": CLIMBS}
+            found = least_squares(self.off, self.x(fit.values), args=(fit.jump,), **of)
             fit = self._at(self.values(found.x))
         return fit
 

@@ -87,7 +87,7 @@ class Motion:
         v, noise, rows = self.y, self.noise, 1
         for rows in WINDOWS[self.angle :]:
             of = {"polyorder": int(self.angle), "deriv": int(self.angle), "delta": self.dt}
-            v = savgol_filter(self.y, rows, **of)
+            v = np.asarray(savgol_filter(self.y, rows, **of))
             noise = self.noise * float(np.linalg.norm(savgol_coeffs(rows, **of)))
             if noise < SMOOTH * _top(v) or 4 * rows > len(self):
                 break
@@ -425,7 +425,7 @@ def coast_down(bench: Bench) -> BenchTest | None:
     values = {f"{k}/J": bench.value(made, lambda p, k=k: p[k], unit)
               for k, unit in (("Fc", "rad/s2"), ("Fv", "1/s"))}  # fmt: skip
     if J := bench.J:
-        values |= {k: bench.value(made, lambda p, k=k: J * p[k], unit)
+        values |= {k: bench.value(made, lambda p, k=k, J=J: J * p[k], unit)
                    for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad"))}  # fmt: skip
     many = f"{len(coasts)} coast-downs" if len(coasts) > 1 else "One coast-down"
     return BenchTest("coast_down", f"{many}: {in_words(values)}.{alone}", values)
@@ -663,9 +663,9 @@ def _cells(one: Motion, at: slice) -> np.ndarray:
     count = (at.stop - at.start) // many
     x, u, v = (z[at][: count * many].reshape(count, many).mean(1) for z in (one.x, one.u, one.v))
     fit = solved(_harmonics(x), v, known=0.0)
-    a = 0 * x
-    for n in ORDERS if fit else ():  # of the harmonics of the speed
-        a += n * w * (fit.p[f"sin{n}"] * np.cos(n * x) - fit.p[f"cos{n}"] * np.sin(n * x))
+    p, a = fit.p if fit else dict.fromkeys(_harmonics(x), 0.0), 0 * x
+    for n in ORDERS:  # of the harmonics of the speed
+        a += n * w * (p[f"sin{n}"] * np.cos(n * x) - p[f"cos{n}"] * np.sin(n * x))
     # the torque is held over the step that follows
     return np.array([x + 0.5 * one.dt * w, u, a, 0 * x + w])
 
@@ -678,11 +678,15 @@ def _harmonics(x: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _over_turn(x: np.ndarray, u: np.ndarray, ahead: np.ndarray) -> BenchTable:
-    cell, edges = np.mod(x, 2 * np.pi), np.linspace(0.0, 2 * np.pi, BINS + 1)
-    forward, backward = (stats.binned_statistic(cell[at], u[at], bins=edges).statistic
+    of = {"bins": BINS, "range": (0.0, 2 * np.pi)}
+    forward, backward = (stats.binned_statistic(np.mod(x[at], 2 * np.pi), u[at], **of).statistic
                          for at in (ahead, ~ahead))  # fmt: skip
     sums = 0.5 * (forward + backward)
-    columns = edges[:-1] + np.pi / BINS, sums - np.nanmean(sums), 0.5 * (forward - backward)
+    columns = (
+        (np.arange(BINS) + 0.5) * 2 * np.pi / BINS,
+        sums - np.nanmean(sums),
+        0.5 * (forward - backward),
+    )
     rows = tuple(map(tuple, plain(np.transpose(columns))))
     return BenchTable(("theta [rad]", "cogging [N m]", "friction [N m]"), rows)
 
