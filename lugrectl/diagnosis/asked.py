@@ -132,10 +132,8 @@ def settings(
 ) -> tuple[float, float, float, float]:
     """horizon, least, alpha and time_limit; InputError for what cannot be meant."""
     whole(seed, "seed")
-    horizon, limit = (
-        positive(horizon, "horizon", "seconds"),
-        positive(time_limit, "time_limit", "seconds"),
-    )
+    horizon = positive(horizon, "horizon", "seconds")
+    limit = positive(time_limit, "time_limit", "seconds")
     return horizon, share(least, "least"), share(alpha, "alpha"), limit
 
 

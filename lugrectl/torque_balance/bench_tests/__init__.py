@@ -681,12 +681,8 @@ def _over_turn(x: np.ndarray, u: np.ndarray, ahead: np.ndarray) -> BenchTable:
     of = {"bins": BINS, "range": (0.0, 2 * np.pi)}
     forward, backward = (stats.binned_statistic(np.mod(x[at], 2 * np.pi), u[at], **of).statistic
                          for at in (ahead, ~ahead))  # fmt: skip
-    sums = 0.5 * (forward + backward)
-    columns = (
-        (np.arange(BINS) + 0.5) * 2 * np.pi / BINS,
-        sums - np.nanmean(sums),
-        0.5 * (forward - backward),
-    )
+    sums, angle = 0.5 * (forward + backward), (np.arange(BINS) + 0.5) * 2 * np.pi / BINS
+    columns = angle, sums - np.nanmean(sums), 0.5 * (forward - backward)
     rows = tuple(map(tuple, plain(np.transpose(columns))))
     return BenchTable(("theta [rad]", "cogging [N m]", "friction [N m]"), rows)
 
