@@ -28,10 +28,7 @@ from ..torque_balance.plain import alone
 from .asked import Asked, settings
 from .simulation import Prepared, as_it_acts, errors, fitted, loglik, polished, ready_of
 
-OF_MAP = (
-    "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
-    "Record motion that reverses.",
-)
+OF_MAP = "Runs at steady speeds show no bristle: record motion that reverses to compare laws."
 LIMIT = 90.0  # s that the fit of one law may take
 SHARED = ("holdout", "horizon", "progress", "columns", "units", "scale", "rate")
 CHOSEN = "The friction law {0} was chosen: {1}"
@@ -212,7 +209,7 @@ def compare_laws(
     asked.refuse_open_time()
     ready, no = ready_of(asked, horizon)
     if ready is None:
-        raise no or Refused(*OF_MAP)
+        raise no or Refused(OF_MAP)
     least = SCALE * max(float(np.std(run.u)) for run in ready.runs)
     return _chosen(_fitted(ready, asked, names, limit, report), asked.model, bar, least)
 

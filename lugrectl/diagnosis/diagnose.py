@@ -35,15 +35,11 @@ from .result import INERTIA, Diagnosis, moved, next_experiment, noted, refusal, 
 from .simulation import Judged, Span, ready_of, residuals, simulated
 
 NO_MOTION = "The errors of a simulation are left out: {} {}"
-NO_INERTIA = (
-    "The log does not determine the inertia, and none is declared: what is named does not depend "
-    "on it, and no motion is simulated."
-)
+NO_INERTIA = "The log does not determine the inertia, and none is declared: nothing is simulated."
 
 
 class Work:
-    """From a log and a declared model to values and errors, by the torque balance and a simulation;
-    Refused where the log cannot answer as it was given."""
+    """From a log and a model to values and errors; Refused where the log cannot answer."""
 
     def __init__(self, asked: Asked, horizon: float) -> None:
         self.asked, self.start = asked, perf_counter()

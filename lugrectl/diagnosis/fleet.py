@@ -35,10 +35,7 @@ from .diagnose import diagnose
 from .result import VERDICTS, Diagnosis
 
 FAILED = "failed"
-OWN_SAMPLES = (
-    "the errors of each log are computed on its own samples: holdout must be 'last' or left out, "
-    "not a file."
-)
+OWN = "holdout must be 'last' or left out: each log is judged by its own samples, not by a file."
 Logs = Any  # a path, a table, a Record, or several of them
 
 
@@ -301,7 +298,7 @@ def run_each(
         raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")
     names = _names(logs)
     if not (options["holdout"] is None or is_last(options["holdout"])):
-        raise InputError(OWN_SAMPLES)
+        raise InputError(OWN)
     settings(**options)
     report = reporter(progress)
     here = executor is None and jobs == 1

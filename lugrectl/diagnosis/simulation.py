@@ -26,7 +26,6 @@ from ..blocks.plant import assemble
 from ..core.deadline import check as check_time
 from ..core.errors import InputError, Refused
 from ..core.numeric import rms
-from ..core.option_names import option
 from ..engine.runtime.backend import compiler
 from ..engine.runtime.batch_run import Lanes
 from ..estimates.findings import Joint, Residuals, Traces, residuals_of
@@ -56,14 +55,8 @@ ENOUGH, LEAST = 10, 4  # windows: so many of all that is recorded; fewer are ref
 MOST, SAMPLES = 100_000, 20_000  # that are judged, and by which a fit is found, evenly spread
 GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
 EXACT = 1e-11  # of a signal's range: noise of what has none
-TOO_SHORT = (
-    "The records are too short, or lose too many samples, to fit the model and to check it on "
-    "held-out samples."
-)
-LONGER = (
-    "Record at least {:.3g} s of motion without loss at {:.0f} Hz or more, or give a second run "
-    "with {}."
-)
+TOO_SHORT = "The records are too short, or lose too many samples, to fit the model and to judge it."
+LONGER = "Record {:.3g} s of motion or more without loss at {:.0f} Hz or more, or hold out a run."
 Range = tuple[int, int]
 Parts = list[list[Range]]
 Span = tuple[int, float, float]  # a run and two times in s
@@ -178,9 +171,8 @@ def prepared(
     horizon: float,
     memory: float = 0.0,
 ) -> Prepared:
-    """Records, whose rates and channels may differ, split into training and held-out windows: every
-    other block, longer than ``horizon`` and ``memory`` (s), the last half of the recorded time, or
-    a Record. Refused where they are too short or too slow for both parts."""
+    """Records split into training and held-out windows: every other block, longer than ``horizon``
+    and ``memory`` (s), the last half, or a Record. Refused where they are too short for both."""
     apart = [holdout] if isinstance(holdout, Record) else []
     every = [consistent(r) for r in (*records, *apart)]
     if len({r.motion for r in every}) > 1:
@@ -196,7 +188,8 @@ def prepared(
     fitting, everywhere = _training(runs, train), [r.windows(r.pieces, r.count(1.0)) for r in runs]
     judging = [run.windows(own, run.count(horizon), run.pieces) for run, own in both]
     if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
-        raise _too_short(horizon)
+        needed, rate = 2 * (max(BLOCK, horizon) + GAP), FEWEST / WINDOWS[0]
+        raise Refused(TOO_SHORT, LONGER.format(needed, rate))
     ends = [(i, a + run.gap, b - 1) for i, (run, own) in enumerate(both) for a, b in own]
     held_out = tuple((i, *runs[i].t[[a, b]].tolist()) for i, a, b in ends if a < b)
     kept = spread(fitting, SAMPLES), spread(judging, MOST), spread(everywhere, MOST)
@@ -254,11 +247,6 @@ def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
         some = slides[every.counted].mean(axis=1) > MOVES
         made.append(every.at(some) if some.any() else every)
     return made
-
-
-def _too_short(horizon: float) -> Refused:
-    needed, rate = 2 * (max(BLOCK, horizon) + GAP), FEWEST / WINDOWS[0]
-    return Refused(TOO_SHORT, LONGER.format(needed, rate, option("holdout")))
 
 
 def run_of(record: Record) -> Run:
@@ -595,8 +583,7 @@ TINY = 1e-300  # least variance of a prior
 
 
 def _at_top(space: _Space, begun: Fit) -> tuple[Fit, Joint]:
-    """The likeliest values, and those that are determined, with the covariance of the likelihood or
-    that of the windows' scores, where it is larger."""
+    """The likeliest values, and those that are determined, by likelihood and windows' scores."""
     tops = [space.up(one) for one in dict.fromkeys((begun, space.scanned()))]
     fit = max(tops, key=lambda one: space.totals([one.values], one.jump)[0])
     x = space.x(fit.values)

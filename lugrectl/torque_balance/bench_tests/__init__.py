@@ -791,9 +791,9 @@ def _stribeck(bench: Bench, w: np.ndarray, u: np.ndarray, error: np.ndarray) -> 
         static = bench.value(made, lambda p: p["Fc"] + p["fall"], "N m")
         low, high = bench.value(made, lambda p: p["log"], "1").ci95 or (0.0, 0.0)
         if high - low < 2 and (static.ci95 or (0.0,))[0] > 0:  # slow enough plateaus
-            ends = float(vs * np.exp(low - high) ** 0.5), float(vs * np.exp(high - low) ** 0.5)
-            unit = unit_for("rad/s", bench.motion)
-            values |= {"Fs" + more: static, "vs": Estimate(vs, unit, ends)}
+            best, *ends = (vs * np.exp([made.p["log"], low, high])).tolist()
+            own = Estimate(best, unit_for("rad/s", bench.motion), (ends[0], ends[1]))
+            values |= {"Fs" + more: static, "vs": own}
     return values
 
 
