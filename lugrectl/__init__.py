@@ -37,7 +37,7 @@ _HOMES = {
     "hunting.stick_slip": "StickSlip stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
-    "diagnosis.balance": "balance",
+    "diagnosis.asked": "balance",
     "diagnosis.diagnose": "diagnose identify",
     "simulation.sweep": "Sweep sweep sweep_chunks",
     "core.errors": "Diverged InputError Refused",

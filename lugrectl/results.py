@@ -11,12 +11,19 @@ from .diagnosis.compare_laws import ComparedLaw, LawComparison
 from .diagnosis.diagnose import Identification
 from .diagnosis.fleet import Fleet, Outcome
 from .diagnosis.result import Diagnosis
-from .estimates.balance import Balance
-from .estimates.comparison import Comparison
-from .estimates.covariance import Joint, Residuals
-from .estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
-from .estimates.fitted import Parameter, ParameterTable
-from .estimates.members import Members
+from .estimates.findings import (
+    Balance,
+    Candidate,
+    Comparison,
+    Estimate,
+    Finding,
+    FrictionMap,
+    Joint,
+    Residuals,
+    Table,
+    Traces,
+)
+from .estimates.fitted import Members, Parameter, ParameterTable
 from .hunting.hunt import LimitCycles
 from .hunting.loop import HuntingMap
 from .hunting.stick_slip import StickSlip

@@ -26,7 +26,7 @@ WAY = (  # in the order in which `diagnose` comes to them
     "torque_balance.decision.Decision",
     "torque_balance.last_fit.LastFit",
     "torque_balance.verdict.answer",
-    "diagnosis.simulation.polish",
+    "diagnosis.simulation.polished",
     "diagnosis.simulation.errors",
     "report.text",
 )

@@ -29,8 +29,7 @@ from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import Fields, Result, plain
 from ..core.validation import number, positive, share, whole
 from ..core.views import view
-from ..estimates.fitted import Fitted
-from ..estimates.members import Belief, Members, refuse_unknown
+from ..estimates.fitted import Belief, Fitted, Members, refuse_unknown
 from ..hunting.hunt import limit_cycles
 from ..record import Record
 from ..simulation.sampled_block import Sensing

@@ -29,8 +29,7 @@ from ..core.validation import array, number, positive, shown, whole
 from ..core.views import view
 from ..design import Certificate, certify, design_gains
 from ..design.gains import RULES
-from ..estimates.covariance import Joint
-from ..estimates.findings import Table
+from ..estimates.findings import Joint, Table
 from ..loops.friction_loops import MEASURED, OUTPUTS, Control, all_at, connected, mapped, read_of
 from ..record import Record
 from ..record.as_record import as_record

@@ -23,11 +23,8 @@ def within(seconds: float) -> Iterator[None]:
     token = _END.set(time.monotonic() + seconds)
     try:
         yield
-    except OutOfTime:
-        raise OutOfTime(
-            f"the fit was stopped after {seconds:g} s.",
-            f"Give it more time with {option('time_limit')}, or a shorter part of the record.",
-        ) from None
+    except OutOfTime as no:
+        raise OutOfTime(f"the fit was stopped after {seconds:g} s.", no.experiment) from None
     finally:
         _END.reset(token)
 
@@ -35,4 +32,7 @@ def within(seconds: float) -> Iterator[None]:
 def check() -> None:
     """Raise OutOfTime when the limit has passed."""
     if time.monotonic() > _END.get():
-        raise OutOfTime("out of time")
+        raise OutOfTime(
+            "the fit was stopped at its limit of time.",
+            f"Give it more time with {option('time_limit')}, or a shorter part of the record.",
+        )

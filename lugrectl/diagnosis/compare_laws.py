@@ -11,7 +11,7 @@ import numpy as np
 
 from ..blocks import AUTO
 from ..blocks.block import members, unit_for
-from ..blocks.declaration import listed
+from ..blocks.declaration import block_named, listed
 from ..blocks.model import Model, as_model, changed
 from ..core.blas_threads import one_blas_thread
 from ..core.deadline import within
@@ -20,18 +20,15 @@ from ..core.errors import InputError, Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.regression import paired
 from ..core.result import ComparedRows, Fields, library, picked, plain
-from ..core.validation import positive, share, shown
+from ..core.validation import shown
 from ..engine.backend import each_beside
 from ..torque_balance.constants import ALPHA, SCALE
+from ..torque_balance.model_values import completed, model_values
 from ..torque_balance.plain import alone
-from .asked import Asked, judged_by
-from .balanced import as_it_acts, polished_values, ready_of
-from .simulation import Prepared, errors, fitted, loglik
+from .asked import Asked, settings
+from .simulation import Prepared, as_it_acts, errors, fitted, loglik, polished, ready_of
 
-OF_MAP = (
-    "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
-    "Record motion that reverses.",
-)
+OF_MAP = "Runs at steady speeds show no bristle: record motion that reverses to compare laws."
 LIMIT = 90.0  # s that the fit of one law may take
 SHARED = ("holdout", "horizon", "progress", "columns", "units", "scale", "rate")
 CHOSEN = "The friction law {0} was chosen: {1}"
@@ -202,9 +199,8 @@ def compare_laws(
     >>> laws.chosen
     'coulomb'
     """
-    horizon, _ = judged_by(horizon, 0)
-    names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))
-    limit = positive(time_limit, "time_limit", "seconds")
+    horizon, _, alpha, limit = settings(horizon, alpha=alpha, time_limit=time_limit)
+    names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - alpha)
     reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
     asked = Asked.of(record, model, holdout, **reading)
     report = reporter(progress)
@@ -213,7 +209,7 @@ def compare_laws(
     asked.refuse_open_time()
     ready, no = ready_of(asked, horizon)
     if ready is None:
-        raise no or Refused(*OF_MAP)
+        raise no or Refused(OF_MAP)
     least = SCALE * max(float(np.std(run.u)) for run in ready.runs)
     return _chosen(_fitted(ready, asked, names, limit, report), asked.model, bar, least)
 
@@ -241,16 +237,11 @@ def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **opt
 
 def law_names(given: Any) -> list[str]:
     """The names of laws: of all where None is given; InputError for one that does not exist."""
-    known = list(members("friction"))
-    if given is None:
-        return known
-    names = listed("friction", given)
+    names = list(members("friction")) if given is None else listed("friction", given)
     if not (isinstance(names, Iterable) and names):
         raise InputError(f"laws must be names of friction laws, not {shown(given)}.")
-    for name in names:
-        if name not in known:
-            raise InputError(f"unknown friction law {shown(name)}; known: {', '.join(known)}.")
-    return list(dict.fromkeys(names))
+    of = {"where": "laws", "what": "friction law"}
+    return list(dict.fromkeys(block_named("friction", name, **of).name for name in names))
 
 
 def _fitted(
@@ -266,10 +257,9 @@ def _fitted(
             return ComparedLaw(name, reason=str(no)), np.zeros(0)
 
     fits: list[Fit] = []
-    report(0.1, f"friction law {names[0]}")
-    for fit, then in zip(each_beside(one, names), [*names[1:], names[-1]], strict=True):
+    for fit in each_beside(one, names):
         fits.append(fit)
-        report(0.1 + 0.9 * len(fits) / len(names), f"friction law {then}")
+        report(0.1 + 0.9 * len(fits) / len(names), f"friction laws, {len(fits)} of {len(names)}")
     return fits
 
 
@@ -278,11 +268,12 @@ def _fit(ready: Prepared, asked: Asked, name: str) -> Fit:
     model = changed(asked.model, {"friction": name}, "laws")
     made = alone(asked.stretches, model, ready.held_out)
     ready = as_it_acts(replace(ready, model=model, memory={}), made)
-    values = polished_values(ready, made)
+    trained = completed(made.trained, model, made.sure)
+    values = polished(ready, trained, model_values(made, model))[0]
     own, held = model.declarations(), model.held()
     free = [k for k in values.known() if own[k].fitted and not own[k].usual and k not in held]
     fit = fitted(ready, values)
-    windows = loglik(ready, fit.drive, [fit.values], [fit.jump], ready.test)[0]
+    windows = loglik(ready, fit.drive, [fit.values], [fit.jump], "test")[0]
     judged = errors(ready, {"refitted": values})
     torque, error = judged.torque_error["refitted"], judged.error["refitted"]
     row = ComparedLaw(name, torque=torque, error=error, parameters=len(free))
@@ -299,13 +290,11 @@ def _chosen(made: Sequence[Fit], model: Model, bar: float, least: float) -> LawC
     able = [one for one, (gain, se) in zip(fits, gains, strict=True)
             if gain <= bar * se or (one[0].torque or np.inf) < least]  # fmt: skip
     simplest, windows = min(able, key=lambda one: one[0].parameters or 0)
-    rows = [_beside(row, own - windows) for row, own in fits]
+    n, rows = len(windows) ** 0.5, list[ComparedLaw]()
+    for row, own in fits:  # with what each window gains over the chosen law
+        gain = own - windows
+        error = float(n * np.std(gain, ddof=1)) if gain.any() else 0.0
+        rows.append(replace(row, elpd=float(gain.sum()), se=error))
     alike = [row.name for row, _ in able if row is not simplest]
     chosen = changed(model, {"friction": simplest.name}, "laws")
     return LawComparison([*rows, *refused], simplest.name, alike, chosen)
-
-
-def _beside(row: ComparedLaw, gain: np.ndarray) -> ComparedLaw:
-    """A row with what each window (n,) gains over the chosen law."""
-    error = float(np.sqrt(len(gain)) * np.std(gain, ddof=1)) if gain.any() else 0.0
-    return replace(row, elpd=float(gain.sum()), se=error)

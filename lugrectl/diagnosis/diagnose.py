@@ -2,42 +2,105 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy import signal, stats
 
+from ..blocks.block import members, unit_for
 from ..blocks.model import Model
 from ..core.blas_threads import one_blas_thread
 from ..core.deadline import within
 from ..core.display import Row, estimated
-from ..core.errors import Refused
+from ..core.errors import InputError, Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import stamped
-from ..core.validation import positive, share
-from ..estimates.comparison import Comparison
-from ..estimates.findings import Candidate, Estimate, Finding
-from ..estimates.fitted import Fitted
-from ..estimates.members import Belief
+from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap
+from ..estimates.fitted import Belief, Fitted
+from ..record import Stretch, stretches
 from ..torque_balance.budget import comparison, refuse_unjudged, signals
 from ..torque_balance.constants import ALPHA, FLOOR
-from ..torque_balance.model_values import completed
-from ..torque_balance.plain import alone
+from ..torque_balance.last_fit import Design, LastFit
+from ..torque_balance.maps import MapView, Nodes, Run, is_map
+from ..torque_balance.model_values import completed, model_values
+from ..torque_balance.plain import alone, plain_balance
 from ..torque_balance.tabulated import tabulated
 from ..torque_balance.verdict import LAG_NAME, WHOLE_INERTIA, Answer, answer
-from .asked import Asked, judged_by
-from .balanced import Begun, Ended
+from .asked import LIMIT, Asked, contradicted, settings, unfit_law
 from .compare_laws import under_law
-from .mapped import of_map, torque_errors
-from .result import INERTIA, Diagnosis, longer, next_experiment, refusal, short
+from .result import INERTIA, Diagnosis, moved, next_experiment, noted, refusal, short
+from .simulation import Judged, Span, ready_of, residuals, simulated
 
 NO_MOTION = "The errors of a simulation are left out: {} {}"
-WORSE = (
-    "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
-    "without it by {1:.3g}: the torque error falls, the motion error does not."
-)
-LIMIT = 270.0  # s that the answer may take
+NO_INERTIA = "The log does not determine the inertia, and none is declared: nothing is simulated."
+
+
+class Work:
+    """From a log and a model to values and errors; Refused where the log cannot answer."""
+
+    def __init__(self, asked: Asked, horizon: float) -> None:
+        self.asked, self.start = asked, perf_counter()
+        asked.records()
+        asked.refuse_open_time()
+        self.doubts = asked.doubts()
+        self.ready, self.why_not = ready_of(asked, horizon)
+        self.parts, self.held_out = judged_on(asked, self.ready.held_out if self.ready else ())
+
+    def end(self, made: Answer, least: float) -> Work:
+        """The values and errors of what the balance answers."""
+        self.made, asked, model = made, self.asked, self.asked.model
+        values, found = model_values(made, model), (made.last, made.interval, made.values)
+        plain = plain_balance(*found, made.covariance, made.sure, asked.stretches)
+        self.sure = "J" in plain.parameters or model.known().get("J") is not None
+        self.judged: Judged | None = None
+        self.noise: float | None = None
+        if self.ready is not None and self.sure:
+            done = simulated(self.ready, made, values, least)
+            self.judged, values, self.noise, self.why_not = done
+        finer = {k: e for k, e in values.estimates.items() if e.ci95 is not None}
+        known = {k: finer.get(k, e) for k, e in plain.parameters.items()}
+        plain = replace(plain, parameters=known)  # one quantity has one value
+        self.plain = asked.completed(plain, perf_counter() - self.start)
+        values = values.beside(self.plain)
+        self.values = values if self.sure else values.told(model)
+        self.law = unfit_law(made, self.values.model, least)
+        self.doubts = self.doubts or asked.doubts(self.plain)
+        if made.verdict not in ("found", "ambiguous"):  # else what is missing contradicts them
+            self.doubts = self.doubts or contradicted(asked.stretches, model)
+        return self
+
+    def fields(self, said: Sequence[str] = ()) -> dict[str, Any]:
+        """What both kinds of answers have, ``said`` among their messages."""
+        made, asked, judged, values = self.made, self.asked, self.judged, self.values
+        notes = [*filter(None, [self.law]), *self.doubts, *made.notes]
+        if names := ", ".join(dict.fromkeys(made.candidates)):
+            notes.append(f"Candidates that are not certain: {names}.")
+        if no := self.why_not:
+            notes.append(NO_MOTION.format(no, no.experiment or "").rstrip())
+        elif not (self.sure or made.view.is_map):
+            notes.append(NO_INERTIA)
+        notes += [*(judged.messages if judged else ()), *self.plain.notes]
+        ready = self.ready if judged else None
+        return {
+            "error": judged and judged.error,
+            "traces": judged and judged.traces,
+            "model": values.model,
+            "declared": asked.model,
+            "estimates": values.estimates,
+            "joint": values.joint,
+            "record": asked.seen[0],
+            "records": tuple(asked.seen),
+            "messages": noted(asked, [*notes, *moved(values.estimates, asked.model), *said]),
+            "residuals": residuals(ready, values.model) if ready else None,
+            "torque_noise": self.noise,
+            "plain": self.plain,
+        }
+
+
+# ---- the missing effect
 
 
 @shows_progress
@@ -139,13 +202,11 @@ def diagnose(
         options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}
         options |= {"holdout": holdout, "horizon": horizon, "seed": seed, **reading}
         return under_law(diagnose, record, model, law, **options)
-    limits = share(least, "least"), share(alpha, "alpha")
-    limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
+    horizon, least, alpha, limit = settings(horizon, seed, least, alpha, time_limit)
     asked = Asked.of(record, model, holdout, **reading)
-    horizon, _ = judged_by(horizon, seed)
     try:
         with within(limit):
-            return diagnosed(asked, horizon, *limits, report)
+            return diagnosed(asked, horizon, least, alpha, reporter(progress))
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
 
@@ -155,40 +216,43 @@ def diagnosed(
 ) -> Diagnosis:
     """The answer; Refused where the record cannot give one."""
     report(0.0, "torque balance")
-    begun = Begun.of(asked, horizon)
+    work = Work(asked, horizon)
     report(0.1, "comparing explanations")
-    made = answer(begun.parts, asked.model, begun.held_out, least, alpha)
+    made = answer(work.parts, asked.model, work.held_out, least, alpha)
     found = comparison(made, least, alpha)
     refuse_unjudged(found)
     report(0.6, "errors on held-out samples")
-    work = begun.ended(made, least)
-    ranking = _ranking(found)
+    work.end(made, least)
+    rows = [row for row in found.rows[1:] if not row.model.startswith("unknown(")]
+    ranking = tuple(Candidate(row.model, row.elpd, row.torque) for row in rows)
     effects = _findings(work, ranking)
-    verdict, depends_on = made.verdict, _signals(made)
+    of = dict.fromkeys(s for term in made.named for s in signals(term.block))
+    verdict, depends_on = made.verdict, tuple(of)
+    if verdict == "unexplained":
+        depends_on = tuple(made.depends_on)
     if work.law and verdict == "adequate":  # friction depends on w in another way
         verdict, depends_on = "unexplained", ("w",)
     stretches = None if made.view.is_map else found.stretches
     then = next_experiment(verdict, depends_on, effects, work.plain, work.sure)
-    notes = [*work.notes(NO_MOTION), *_worse(work), *work.plain.notes, *work.changes()]
-    fields = work.fields([*notes, *short(asked.seen, stretches)])
+    said, experiment = short(asked.seen, stretches, then)
     noise = float(np.sqrt(made.view.noise)) * abs(made.values["J"][0])
     answered = Diagnosis(
         verdict=verdict,
         effects=effects,
         depends_on=depends_on,
-        experiment=longer(asked.seen, stretches, then),
+        experiment=experiment,
         free_error=work.judged and work.judged.free_error,
         torque_error=torque_errors(made) | {"noise_floor": min(noise, made.with_names.error)},
         ranking=ranking,
         table=tabulated(made.last, depends_on) if verdict == "unexplained" else None,
         comparison=found,
         rivals=_rivals(work),
-        **fields,
+        **work.fields(said),
     )
     return of_map(answered, made, asked) if made.view.is_map else answered
 
 
-def _findings(work: Ended, ranking: Sequence[Candidate]) -> tuple[Finding, ...]:
+def _findings(work: Work, ranking: Sequence[Candidate]) -> tuple[Finding, ...]:
     """The effects with their values and the alternatives to each."""
     made, known = work.made, work.values.estimates
     tried = {c.name: c for c in reversed(ranking)}
@@ -209,18 +273,7 @@ def _findings(work: Ended, ranking: Sequence[Candidate]) -> tuple[Finding, ...]:
     return tuple(effects)
 
 
-def _ranking(found: Comparison) -> tuple[Candidate, ...]:
-    rows = [row for row in found.rows[1:] if not row.model.startswith("unknown(")]
-    return tuple(Candidate(row.model, row.elpd, row.torque) for row in rows)
-
-
-def _signals(made: Answer) -> tuple[str, ...]:
-    if made.verdict == "unexplained":
-        return tuple(made.depends_on)
-    return tuple(dict.fromkeys(s for t in made.named for s in signals(t.block)))
-
-
-def _rivals(work: Ended) -> tuple[Belief, ...]:
+def _rivals(work: Work) -> tuple[Belief, ...]:
     """The models that explain the record as well as the first."""
     made, known = work.made, work.values.estimates
     models = [completed(last, made.view.model, made.sure) for last in made.rivals]
@@ -228,20 +281,10 @@ def _rivals(work: Ended) -> tuple[Belief, ...]:
                            1.0 / (len(models) + 1)) for m in models)  # fmt: skip
 
 
-def _worse(work: Ended) -> list[str]:
-    """A sentence where what is named raises the error of the simulated motion."""
-    error = work.judged.error if work.judged and (work.made.named or work.made.parts) else {}
-    before, after = error.get("refitted"), error.get("augmented")
-    if before is None or after is None or after <= before:
-        return []
-    return [WORSE.format(after, before, error["unit"])]
-
-
 # ---- the declared model alone
 
 
 NOTHING = "no value of the model is certain from this record alone, nor its inertia."
-ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -266,7 +309,7 @@ class Identification(Fitted):
 
     def _rows(self) -> Iterable[Row]:
         rows = [estimated(k, e) for k, e in self.estimates.items()]
-        return [*rows, *self._error_rows(("declared", "refitted")), *self._last_rows()]
+        return [*rows, *self._last_rows("declared", "refitted")]
 
 
 @shows_progress
@@ -325,9 +368,8 @@ def identify(
         options = {"holdout": holdout, "horizon": horizon, "seed": seed, "progress": progress}
         return under_law(identify, record, model, law, **options, **reading)
     asked = Asked.of(record, model, holdout, **reading)
-    horizon, _ = judged_by(horizon, seed)
     try:
-        return identified(asked, horizon, reporter(progress))
+        return identified(asked, settings(horizon, seed)[0], reporter(progress))
     except Refused as no:  # the plain answer stands all the same
         no.plain = asked.plain
         raise
@@ -336,15 +378,204 @@ def identify(
 def identified(asked: Asked, horizon: float, report: Progress) -> Identification:
     """The values of the declared model; Refused where the record cannot give any."""
     report(0.0, "torque balance")
-    begun = Begun.of(asked, horizon)
-    made = alone(begun.parts, asked.model, begun.held_out)
+    work = Work(asked, horizon)
+    made = alone(work.parts, asked.model, work.held_out)
     report(0.4, "errors on held-out samples")
-    work = begun.ended(made, FLOOR)
-    notes = work.notes(ONLY_PLAIN)
-    fields = work.fields([*notes, *work.changes(), *work.plain.notes])
+    work.end(made, FLOOR)
+    fields = work.fields()
     error = (fields.pop("error") or {}).items()
     error = {k: v for k, v in error if k != "augmented"} or None
     found = Identification(error=error, **fields)
     if not (found.estimates or made.view.is_map):
         raise Refused(NOTHING, INERTIA)
     return of_map(found, made, asked) if made.view.is_map else found
+
+
+# ---- what a map of runs at steady speeds has beside any other answer: points, curves, ripples
+
+
+FINE = 400  # speeds at which the curves are drawn
+LEAST_TURNS = 2.0  # of a run, so that orders half an order apart are separated
+HIGHEST = 8  # order of a turn that is examined
+LEAST_RUNS = 3  # that turn so far
+CHANCE = 0.01  # probability that any order is named although there is no ripple
+MAP = "{} runs at steady speeds were taken as one map of torque over speed; they do not tell {}."
+SWINGS = (
+    "The torque varies with the angle: {} of friction. Its phase in the runs is unknown, so it is "
+    "not part of the model."
+)
+NOT_STEADY = "{} is not at a steady speed like the other runs; hold out one that is, or none."
+LOG_ANGLE = (
+    "To distinguish {} from {}: log theta from one zero mark in every run, over slow turns in both "
+    "directions."
+)
+Swing = tuple[int, Estimate]
+
+
+def judged_on(asked: Asked, held_out: Sequence[Span]) -> tuple[list[Stretch], list[Span]]:
+    """All stretches, and (run, start, end) in s that are held out: of a map every third run."""
+    parts, other = list(asked.stretches), asked.holdout()
+    if not is_map(parts) or other is None:
+        return parts, list(held_out)
+    if isinstance(other, str):
+        ends = [[s.t[[0, -1]] for s in parts if s.run == run] for run in range(len(asked.logs))]
+        return parts, [(i, float(np.mean([x[0][0], x[-1][1]])), np.inf) for i, x in enumerate(ends)]
+    run, log = len(asked.logs), other.log
+    assert log is not None
+    added = [replace(s, run=run) for s in stretches([log])[0]]
+    if not is_map([*parts, *added]):
+        raise InputError(NOT_STEADY.format(other.source))
+    return [*parts, *added], [(run, -np.inf, np.inf)]
+
+
+def of_map(found: Any, made: Answer, asked: Asked) -> Any:
+    """An answer, of a diagnosis or an identification, with what only a map has."""
+    model, motion, view = asked.model, asked.model.motion, made.view
+    assert isinstance(view, MapView) and found.model
+    swing, error = swings(asked.stretches, unit_for("N m", motion)), torque_errors(made)
+    known = {k: e for k, e in found.estimates.items() if e.ci95 is not None or e.held}
+    silent = [k for k, p in model.declarations().items() if p.fitted and k not in known]
+    values = {k: x for k, x in model.values().items() if k in silent}
+    if Fs := values.get("Fs"):  # a declared one stays, but not below Fc
+        values["Fs"] = max(Fs, found.model.known()["Fc"])
+    fields: dict[str, Any] = {
+        "error": error | _facts(view, made, error),
+        "estimates": known,
+        "map": friction_map(made, motion, swing),
+        "model": found.model.with_values(values),
+        "messages": (*found.messages, *_said(made, asked, silent, swing)),
+    }
+    if not isinstance(found, Diagnosis):
+        del fields["error"]["augmented"]
+        return replace(found, **fields)
+    fields["torque_error"] = error
+    fields["free_error"] = error | {"signal": "u", "in_sample": False}
+    fields["depends_on"] = tuple(s for s in found.depends_on if s != "t")
+    return _swung(replace(found, **fields), made, swing)
+
+
+def _said(
+    made: Answer, asked: Asked, silent: Sequence[str], swing: Sequence[Swing]
+) -> Iterator[str]:
+    """What the map does not tell, and what varies with angle."""
+    view = made.view
+    hidden = [p.key for p in asked.model.effects if p not in view.model.effects]
+    unknown = [k for k in silent if k.rpartition(".")[0] not in hidden] + hidden
+    yield MAP.format(len(np.unique(view.motion.run)), ", ".join(unknown) or "J")
+    if swing and not any("theta" in t.block.inputs for t in made.last.state.terms):
+        share = 100.0 / view.size
+        orders = [f"{n} times per turn by {share * e.value:.2g} %" for n, e in swing]
+        yield SWINGS.format(", ".join(orders))
+
+
+def torque_errors(made: Answer) -> dict[str, Any]:
+    own = made.declared_error, made.without.error, made.with_names.error
+    both = zip(("declared", "refitted", "augmented"), own, strict=True)
+    return {"unit": unit_for("N m", made.view.model.motion), **dict(both)}
+
+
+def _facts(view: MapView, made: Answer, error: Mapping[str, Any]) -> dict[str, Any]:
+    """What else is said of errors of means over stretches of the held-out runs."""
+    m, known = view.motion, [x for x in error.values() if isinstance(x, float)]
+    test = np.isin(m.row, np.flatnonzero(made.split.test))
+    return {
+        "signal": "u",
+        "samples": int(m.size[test].sum()),
+        "horizon": float(np.median([np.ptp(m.stamp[m.run == run]) for run in np.unique(m.run)])),
+        "noise_floor": min([view.scatter(made.last.left), *known]),
+    }
+
+
+def friction_map(made: Answer, motion: str, swing: Sequence[Swing] = ()) -> FrictionMap:
+    """The mean torque of each run without what depends on the angle, and the fits' curves."""
+    view, d = made.view, made.last.design
+    assert isinstance(view, MapView)
+    over_angle = ~_of_speed(d)
+    y = d.y - d.X[:, over_angle] @ made.last.fit.b[over_angle]
+    test = made.split.test
+    part = np.unique(2 * view.apart + test, return_inverse=True)[1]  # of a run, held out or not
+    many = np.bincount(part)
+    u, square, w, held_out = (
+        np.bincount(part, x) / many for x in (y, y**2, view.motion.w[view.rows.at], 1.0 * test)
+    )
+    error = np.sqrt(np.maximum(square - u**2, 0.0) / np.maximum(many - 1, 1))
+    half = np.linspace(np.abs(w).min(), np.abs(w).max(), FINE // 2)
+    at = np.concatenate([-half[::-1], half])
+    fits = {"refitted": made.refitted, "augmented": made.trained}
+    curves = {name: _curve(last, at) for name, last in fits.items()}
+    return FrictionMap(w, u, error, held_out > 0.5, at, curves, motion, tuple(swing))
+
+
+def _of_speed(design: Design) -> np.ndarray:
+    """Which columns depend on the speed alone, or on nothing."""
+    terms = design.state.terms
+    return np.array([n != "~" if isinstance(n, str) else "theta" not in terms[n[0]].block.inputs
+                     for n in design.names])  # fmt: skip
+
+
+def _curve(last: LastFit, w: np.ndarray) -> np.ndarray:
+    """Torque (n,) at other speeds (n,), without what depends on the angle."""
+    view, one = last.view, np.ones(1)
+    runs = [Run(i, float(x), 0.0, one, one, 0 * one, 0 * one, one, np.zeros(1, int))
+            for i, x in enumerate(w)]  # fmt: skip
+    other = MapView(Nodes(runs, True), view.model)
+    other.x0, other.vs, other.force = view.x0, view.vs, view.force
+    d, b = Design(other, last.state.copy()), dict(zip(last.design.names, last.fit.b, strict=True))
+    return d.X @ np.where(_of_speed(d), [b.get(n, 0.0) for n in d.names], 0.0)
+
+
+# The ripple over an angle of which each run has its own zero
+
+
+def swings(parts: Sequence[Stretch], unit: str) -> list[Swing]:
+    """The orders of a turn at which the torque swings, largest first, with amplitudes: those whose
+    power exceeds that of half an order beside it on either side by more than chance allows,
+    whatever the colour of the noise (F tests of the runs, joined as Fisher does)."""
+    orders, power = np.arange(1.0, 2 * HIGHEST + 2) / 2.0, []
+    for s in parts:
+        theta = s.theta
+        if theta is None:
+            assert s.w is not None
+            theta = np.cumsum(s.w) * s.dt
+        if np.ptp(theta) >= 2 * np.pi * LEAST_TURNS:
+            u = signal.detrend(s.u) * np.hanning(len(s.u)) * 2.0
+            power.append(np.abs(2.0 * np.exp(-1j * np.outer(orders, theta)) @ u / len(u)) ** 2)
+    many = len(power)
+    if many < LEAST_RUNS:
+        return []
+    every = np.array(power)  # (runs, half orders from 1/2 on)
+    own, beside = every[:, 1::2], 0.5 * (every[:, :-1:2] + every[:, 2::2])
+    chance = -4.0 * np.sum(np.log1p(-own / (own + 2.0 * beside)), axis=0)
+    there = np.flatnonzero(stats.chi2.sf(chance, 2 * many) <= CHANCE / HIGHEST)
+    excess = own - beside
+    mean, half = excess.mean(axis=0), stats.sem(excess) * stats.t.ppf(0.975, many - 1)
+    size = np.sqrt(np.maximum([mean, mean - half, mean + half], 0.0))[:, there].T.tolist()
+    found = [
+        (i + 1, Estimate(a, unit, (b, c)))
+        for i, (a, b, c) in zip(there.tolist(), size, strict=True)
+    ]
+    return sorted(found, key=lambda one: -one[1].value)
+
+
+def _swung(found: Diagnosis, made: Answer, swing: Sequence[Swing]) -> Diagnosis:
+    """A ripple that is the largest part of what is missing is named by what can cause it: a map
+    does not tell its causes apart, nor its phase."""
+    shares = [made.last.share(i) for i, t in enumerate(made.last.state.terms) if not t.declared]
+    size = swing[0][1].value / np.sqrt(2.0) / made.view.size if swing else 0.0
+    known = {*found.depends_on}.union(*(t.block.inputs for t in made.view.terms))
+    if found.verdict == "unexplained" or "theta" in known or size < max([FLOOR, *shares]):
+        return found
+    order, amplitude = swing[0]
+    name = "gravity" if order == 1 else "torque_ripple"
+    others = [n for n, b in members("effect").items() if not {"J", "torque"} & {*b.acts}
+              and any(p.whole and p.low <= order <= p.high for p in b.own.values())]  # fmt: skip
+    own = {"amplitude": amplitude}
+    own |= {} if order == 1 else {"harmonic": Estimate(float(order), "1/rev")}
+    finding = Finding(name, own, tuple(Candidate(n, 0.0, 0.0) for n in others))
+    return replace(
+        found,
+        verdict="ambiguous",
+        effects=(*found.effects, finding),
+        experiment=LOG_ANGLE.format(name, " or ".join(others)),
+        depends_on=(*found.depends_on, "theta"),
+    )

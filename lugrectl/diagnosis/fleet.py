@@ -15,26 +15,27 @@ from pathlib import Path
 from typing import Any, cast
 
 from ..blocks import AUTO
-from ..blocks.declaration import block_named, name_of
+from ..blocks.declaration import block_named
 from ..blocks.model import Model, Sent, as_model
 from ..core.blas_threads import one_thread_each
-from ..core.display import Row, Shown
+from ..core.display import Shown
 from ..core.errors import InputError, Refused
 from ..core.jobs import JobError, run_jobs
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, SourceFile, provenance, stamp
 from ..core.result import Result, library, picked, plain
-from ..core.validation import positive, share, shown
+from ..core.validation import shown
 from ..core.views import view
 from ..record import Record, read_log
 from ..record.as_record import is_last, is_record, record_files, there
 from ..record.columns.table import is_table, source_of
 from ..torque_balance.constants import ALPHA, FLOOR
-from .asked import judged_by, refuse_swapped
-from .diagnose import LIMIT, diagnose
+from .asked import LIMIT, refuse_swapped, settings
+from .diagnose import diagnose
 from .result import VERDICTS, Diagnosis
 
 FAILED = "failed"
+OWN = "holdout must be 'last' or left out: each log is judged by its own samples, not by a file."
 Logs = Any  # a path, a table, a Record, or several of them
 
 
@@ -49,7 +50,7 @@ class Outcome(Shown):
     file: str
     exit_code: int = 0
     seconds: float | None = None
-    document: Mapping[str, Any] | None = None
+    document: Mapping[str, Any] | None = field(default=None, repr=False)
     reason: str | None = None
     diagnosis: Diagnosis | None = field(default=None, repr=False)
 
@@ -78,14 +79,6 @@ class Outcome(Shown):
             "seconds": self.seconds,
             "message": self.reason or d.get("experiment"),
         }
-
-    def _title(self) -> str:
-        return f"Outcome {self.file}: {self.verdict}"
-
-    def _rows(self) -> Iterable[Row]:
-        effects = ", ".join(e["name"] for e in (self.document or {}).get("effects", ()))
-        rows = [Row("effects", effects), Row("reason", self.reason), Row("took", self.seconds, "s")]
-        return [row for row in rows if row.value]
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""
@@ -161,15 +154,8 @@ class Fleet(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
-        return plain(
-            {
-                "schema": 1,
-                "records": [outcome.summary() for outcome in self.outcomes],
-                "counts": self.counts,
-                "unfinished": self.unfinished,
-                "provenance": self.provenance.summary() if self.provenance else None,
-            }
-        )
+        own = picked(self, "counts unfinished provenance")
+        return {"schema": 1, "records": plain(self.outcomes), **own}
 
     def to_frame(self) -> Any:
         """A DataFrame of :attr:`rows`, the effects as text; InputError without pandas."""
@@ -188,13 +174,6 @@ class Fleet(Result):
     def _title(self) -> str:
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
         return f"Fleet of {len(self.outcomes)}: {counts or 'none finished'}"
-
-    def _rows(self) -> Iterable[Row]:
-        rows = [Row("against", self.model.name)] if self.model else []
-        for verdict, count in self.counts.items():
-            files = [o.file for o in self.outcomes if o.verdict == verdict]
-            rows += [Row(verdict, files)] if count else []
-        return rows + ([Row("unfinished", self.unfinished)] if self.unfinished else [])
 
     def __str__(self) -> str:
         return view("fleet_page.page")(self).text()
@@ -284,25 +263,13 @@ def diagnose_each(
     """
     if isinstance(records, (str, os.PathLike)):
         there(records)
-    options = {
-        "holdout": holdout,
-        "horizon": horizon,
-        "seed": seed,
-        "least": least,
-        "alpha": alpha,
-        "time_limit": time_limit,
-        "law": name_of("friction", law),
-    }
-    return run_each(
-        records,
-        model,
-        {"columns": columns, "units": units, "scale": scale, "rate": rate},
-        options,
-        jobs=jobs,
-        executor=executor,
-        progress=reporter(progress),
-        keep=keep,
-    )
+    options = {"holdout": holdout, "horizon": horizon, "seed": seed, "least": least}
+    of = {"where": "law", "what": "friction law"}
+    law = law if law in (None, AUTO) else block_named("friction", law, **of).name
+    options |= {"alpha": alpha, "time_limit": time_limit, "law": law}
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
+    how = {"jobs": jobs, "executor": executor, "keep": keep}
+    return run_each(records, model, reading, options, progress=reporter(progress), **how)
 
 
 def run_each(
@@ -323,11 +290,16 @@ def run_each(
     turns a diagnosis into files in the worker process, and ``done`` receives them in this process
     as soon as the log is done. ``command`` is for the provenance."""
     refuse_swapped([records], model)
-    logs, model = record_files(_several(records)), as_model(model)
+    several = [records] if is_record(records) else records
+    if not isinstance(several, Iterable):
+        raise InputError(f"records must be a path or a list of records, not {shown(records)}.")
+    logs, model = record_files(list(several)), as_model(model)
     if not (executor is None or hasattr(executor, "submit")):
         raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")
     names = _names(logs)
-    _check_options(options)
+    if not (options["holdout"] is None or is_last(options["holdout"])):
+        raise InputError(OWN)
+    settings(**options)
     report = reporter(progress)
     here = executor is None and jobs == 1
     made: dict[int, Outcome] = {}
@@ -384,35 +356,8 @@ def _diagnosed(
     return Outcome("", code, round(took, 2), d.summary(), d.reason, d if keep else None), extra
 
 
-def _several(records: Logs) -> list[Any]:
-    if is_record(records):
-        return [records]
-    if not isinstance(records, Iterable):
-        raise InputError(f"records must be a path or a list of records, not {shown(records)}.")
-    return list(records)
-
-
 def _names(logs: Sequence[Any]) -> list[str]:
     """A name for each log; records of one source are numbered."""
-    used: dict[str, int] = {}
-    names = []
-    for log in logs:
-        name = source_of(log) if is_table(log) else getattr(log, "source", None) or str(log)
-        used[name] = used.get(name, 0) + 1
-        names.append(name if used[name] == 1 else f"{name} ({used[name]})")
-    return names
-
-
-def _check_options(options: Mapping[str, Any]) -> None:
-    """InputError for what cannot be meant, before any log is read."""
-    if not (options["holdout"] is None or is_last(options["holdout"])):
-        raise InputError(
-            "the errors of each log are computed on its own samples: holdout must be 'last' or "
-            "left out, not a file."
-        )
-    judged_by(options["horizon"], options["seed"])
-    positive(options.get("time_limit", LIMIT), "time_limit", "seconds")
-    share(options.get("least", FLOOR), "least")
-    share(options.get("alpha", ALPHA), "alpha")
-    if options.get("law") not in (None, AUTO):
-        block_named("friction", options["law"], where="law", what="friction law")
+    names = [source_of(x) if is_table(x) else getattr(x, "source", None) or str(x) for x in logs]
+    used = [names[: i + 1].count(name) for i, name in enumerate(names)]
+    return [name if n == 1 else f"{name} ({n})" for name, n in zip(names, used, strict=True)]

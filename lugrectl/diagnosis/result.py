@@ -4,7 +4,6 @@ moved, and what to record next."""
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -16,9 +15,7 @@ from ..core.display import Row, estimated, with_interval
 from ..core.errors import Refused
 from ..core.result import picked
 from ..core.views import view
-from ..estimates.balance import Balance
-from ..estimates.comparison import Comparison
-from ..estimates.findings import Candidate, Estimate, Finding, Table
+from ..estimates.findings import Balance, Candidate, Comparison, Estimate, Finding, Table
 from ..estimates.fitted import Fitted
 from ..record import Record
 from ..torque_balance.constants import FEW
@@ -116,8 +113,8 @@ class Diagnosis(Fitted):
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
         own = "verdict effects depends_on experiment free_error torque_error reason ranking table"
-        compared = dict.fromkeys(("budget", "comparison", "detectable"))
-        compared = compared if self.comparison is None else self.comparison.summary()
+        none = dict.fromkeys(("budget", "comparison", "detectable"))
+        compared = self.comparison.summary() if self.comparison else none
         headline = view("wording.headline")(self)[1]
         own = picked(self, f"{own} compensation map")
         return self._document(**own, **compared, headline=headline)
@@ -127,32 +124,23 @@ class Diagnosis(Fitted):
         return f"Diagnosis: {self.verdict}{': ' * bool(names)}{names}"
 
     def _rows(self) -> Iterable[Row]:
-        if self.verdict == "refused":
-            rows = [Row("reason", self.reason or "the record cannot answer")]
-            rows += [Row("record next", self.experiment)] if self.experiment else []
-            return [*rows, *self._last_rows()]
+        others = [other.name for one in self.effects for other in one.alternatives]
+        said = {
+            "reason": self.reason,
+            "record next": self.reason and self.experiment,
+            "or": others if self.verdict == "ambiguous" else None,
+            "depends on": ", ".join(self.depends_on),
+        }
         rows = [estimated(f"{one.name}.{k}", e)
                 for one in self.effects for k, e in one.parameters.items()]  # fmt: skip
-        others = [other.name for one in self.effects for other in one.alternatives]
-        if others and self.verdict == "ambiguous":
-            rows.append(Row("or", ", ".join(others)))
-        if self.depends_on:
-            rows.append(Row("depends on", ", ".join(self.depends_on)))
-        return [*rows, *self._error_rows(("refitted", "augmented")), *self._last_rows()]
+        rows += [Row(name, value) for name, value in said.items() if value]
+        return [*rows, *self._last_rows("refitted", "augmented")]
 
 
 # ---- what is said beside an answer
 
 
-# what the reader and the balance notice both: the words of the balance are kept
-SAME = (
-    (
-        r"w is not d theta/dt but \S+ times it: w is ignored",
-        r"w is \S+ ms (behind|ahead of) dtheta",
-    ),
-    (r"w is not d theta/dt but", r"w does not follow d theta/dt"),
-)
-
+CHANGED, WRONG = "its sign was changed for the simulation", "u has the wrong sign"
 FAR = 0.2  # of the declared value, from which a change may have the causes below
 NEAR = 1e-4  # of a bound: at it
 AT = "{} lies at its declared {} = {:.6g}: the record would take it further."
@@ -162,6 +150,7 @@ SCALE = (
     "all by the factor {:.3g}: if the declared values are right, the scale of u is wrong (torque "
     "constant, gear ratio)"
 )
+UNITS, MUCH = "A factor of {:.3g} in {} is often a unit: see units, as theta=deg or w=rpm.", 3.0
 ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
     "at the same times depends on the motion",
@@ -203,30 +192,35 @@ def noted(asked: Asked, notes: Sequence[str]) -> tuple[str, ...]:
 
 
 def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
-    """The sentences of an answer, then those of the reader, each thing said once, on one of several
-    logs with its name only."""
+    """The sentences of an answer, then those of the reader, each once and with the log's name."""
     bare = {note.split(": ", 1)[1] for note in notes if ": " in note}
-    kept = [s for s in said if s not in bare and not any(_same(s, n) for n in notes)]
+    wrong = any(WRONG in note for note in notes)
+    kept = [s for s in said if s not in bare and not (wrong and CHANGED in s)]
     return tuple(dict.fromkeys([*notes, *kept]))
-
-
-def _same(sentence: str, note: str) -> bool:
-    return any(re.search(mine, sentence) and re.search(its, note) for mine, its in SAME)
 
 
 # ---- values that moved
 
 
 def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
-    """Sentences on the declared values that lie outside the intervals of an answer, with both
-    values, and what could be the cause of large changes; and on values at a stated bound."""
-    old = _left(found, declared)
-    said = [_changed(key, found[key], value, declared.unit(key)) for key, value in old.items()]
-    factors = {k: found[k].value / old[k] for k in (*PLANT, "Fs") if k in old}
+    """Sentences on declared values outside the intervals of an answer, and on those at a bound."""
+    known, own, held = declared.known(), declared.declarations(), declared.held()
+    old, said = dict[str, float](), list[str]()
+    for key in (k for k in known if k in found and k not in held and math.isfinite(known[k])):
+        e, value, unit = found[key], known[key], declared.unit(key)
+        same = [value + 2.0 * np.pi * n for n in ((-1, 0, 1) if own[key].angle else (0,))]
+        # what lies in the interval, or prints as the fitted value, is no news
+        if e.ci95 and not any(e.may_be(x) or f"{x:.3g}" == f"{e.value:.3g}" for x in same):
+            shown, interval = with_interval(e)
+            text = MOVED.format(key, shown, interval.replace(" to ", ", "), value)
+            old[key] = value
+            said.append(text if unit == "1" else f"{text} {unit}")
+    factors = {k: found[k].value / old[k] for k in (*PLANT, "Fs") if old.get(k)}
     large = {k: x for k, x in factors.items() if abs(x - 1.0) > FAR}
     if factor := common_factor(large):
         said.append(SCALE.format(factor))
     notes = [LEFT.format("; ".join(said))] if said else []
+    notes += [UNITS.format(x, k) for k, x in factors.items() if not 1 / MUCH < x < MUCH][:1]
     for key, one in declared.stated.items():
         for name, end in (("min", one.low), ("max", one.high)):
             value = found[key].value if key in found else np.nan
@@ -235,44 +229,20 @@ def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
     return notes
 
 
-def _left(found: Mapping[str, Estimate], declared: Model) -> dict[str, float]:
-    """The declared values, without the held ones, that the fit left beyond their intervals."""
-    declarations, held = declared.declarations(), declared.held()
-    known = {k: x for k, x in declared.known().items() if k in found and k not in held}
-    turns = {k: (-1, 0, 1) if declarations[k].angle else (0,) for k in known}  # the same angle
-    return {k: old for k, old in known.items() if found[k].ci95 and math.isfinite(old)
-            and not any(_agrees(old + 2.0 * np.pi * n, found[k]) for n in turns[k])}  # fmt: skip
-
-
-def _agrees(declared: float, found: Estimate) -> bool:
-    """Whether a value lies in an interval, or prints as the fitted one: that is no news."""
-    return found.may_be(declared) or f"{declared:.3g}" == f"{found.value:.3g}"
-
-
-def _changed(key: str, found: Estimate, declared: float, unit: str) -> str:
-    value, interval = with_interval(found)
-    said = MOVED.format(key, value, interval.replace(" to ", ", "), declared)
-    return said if unit == "1" else f"{said} {unit}"
-
-
 # ---- what to record next
 
 
-def short(records: Iterable[Record], stretches: int | None) -> tuple[str, ...]:
-    """A sentence where so few independent stretches were compared that an answer is uncertain."""
+def short(
+    records: Sequence[Record], stretches: int | None, then: str | None
+) -> tuple[list[str], str | None]:
+    """What to say where so few independent stretches were compared that an answer is uncertain, and
+    what to record next: then more of it first, and then what ``then`` says."""
     seconds = sum(record.duration for record in records)
     if stretches is None or stretches >= FEW or seconds >= LEAST:
-        return ()
-    return (SHORT.format(seconds, stretches, FEW),)
-
-
-def longer(records: Sequence[Record], stretches: int | None, then: str | None) -> str | None:
-    """What to record next: where a record is short, more of it, and then what ``then`` says."""
-    if not short(records, stretches) or not stretches:
-        return then
-    seconds = sum(record.duration for record in records)
-    first = LONGER.format(max(LEAST, math.ceil(seconds * FEW / stretches)))
-    return " ".join(filter(None, (first, then)))
+        return [], then
+    said = [SHORT.format(seconds, stretches, FEW)]
+    first = LONGER.format(max(LEAST, math.ceil(seconds * FEW / max(stretches, 1))))
+    return said, " ".join(filter(None, (first, then)))
 
 
 def next_experiment(

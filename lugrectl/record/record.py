@@ -184,7 +184,7 @@ class Record(Shown):
     def plot(self) -> Any:
         """Draw the log as it was read, its friction over speed and what was noticed, as
         ``lugrectl plot`` does; returns the Axes."""
-        balance = view("balance.balance", "diagnosis")
+        balance = view("asked.balance", "diagnosis")
         return balance(self, {"motion": self.motion}).plot()
 
     def summary(self) -> dict[str, int | float]:

@@ -15,7 +15,7 @@ from ..core.display import number
 from ..core.errors import InputError
 from ..core.numeric import Z95, top_speed
 from ..core.unit_names import si_unit
-from ..estimates.balance import Balance, at_samples, friction
+from ..estimates.findings import Balance, friction
 from . import loop_plots
 from .canvas import AFTER, BEFORE, HALF, MEASURED, QUIET, binned, drawn, headed, on_pyplot
 from .page import Figure
@@ -104,7 +104,10 @@ def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
     """What the plain balance leaves of the torque over time, speed or angle, and its mean; samples
     at rest would cover all others."""
     pairs = zip(balance.stretches, starts(balance), strict=True)
-    parts = [at_samples(balance, one) | {"t": one.t + shift} for one, shift in pairs]
+    windows = balance.residual
+    assert windows is not None
+    parts = [(windows.along(one), shift) for one, shift in pairs]
+    parts = [part | {"t": part["t"] + shift} for part, shift in parts]
     w, x, y = (np.concatenate([part[k] for part in parts]) for k in ("w", role, "left"))
     good = np.isfinite(y)
     moving = good & (np.abs(w) > _REST * top_speed(w[good]))

@@ -11,7 +11,7 @@ from ..blocks.block import Block
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..core.regression import TINY, paired
-from ..estimates.comparison import Compared, Comparison, Detectable, Share
+from ..estimates.findings import Compared, Comparison, Detectable, Share
 from .constants import LEAST_FRICTION, ORDERS, UNSEEN
 from .decision import Decision
 from .friction import View

@@ -12,9 +12,7 @@ from scipy.sparse import csr_matrix
 from ..blocks.block import Block, is_ours, members
 from ..blocks.model import Model
 from ..core.numeric import rms
-from ..estimates.balance import Balance
-from ..estimates.covariance import Joint
-from ..estimates.findings import Estimate
+from ..estimates.findings import Balance, Estimate, Joint
 from . import constants as const
 from .columns import torque
 from .last_fit import WITHOUT_SCALE, LastFit, tells

@@ -13,8 +13,7 @@ from ..blocks.block import unit_for
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
-from ..estimates.balance import Balance, Combination, CurvePoint, Residual
-from ..estimates.findings import Estimate
+from ..estimates.findings import Balance, Combination, CurvePoint, Estimate, Residual
 from ..record import Stretch
 from . import constants as const
 from .friction import View

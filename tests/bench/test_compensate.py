@@ -14,8 +14,7 @@ from lugrectl.bench.compensate import Spread, drawn, effects_torque
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
 from lugrectl.core.errors import InputError
-from lugrectl.estimates.covariance import Joint
-from lugrectl.estimates.findings import Table
+from lugrectl.estimates.findings import Joint, Table
 from lugrectl.report import fragment, text
 
 from ..cases.made_up import bare

@@ -8,8 +8,15 @@ import numpy as np
 from lugrectl.blocks.model import Model, table1
 from lugrectl.core.errors import Refused
 from lugrectl.diagnosis.result import Diagnosis, refusal
-from lugrectl.estimates.comparison import Compared, Comparison, Share
-from lugrectl.estimates.findings import Candidate, Estimate, Finding, Traces
+from lugrectl.estimates.findings import (
+    Candidate,
+    Compared,
+    Comparison,
+    Estimate,
+    Finding,
+    Share,
+    Traces,
+)
 from lugrectl.record import Record, record_of
 
 HOSTILE = '<script src="http://x.y/z.js">alert(1)</script> & "q".csv'

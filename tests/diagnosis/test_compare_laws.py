@@ -51,7 +51,7 @@ def test_the_comparison_hands_itself_out(compared):
 
 
 def test_laws_that_do_not_exist_are_one_sentence(plain_drive):
-    with pytest.raises(lg.InputError, match="unknown friction law 'lugree'"):
+    with pytest.raises(lg.InputError, match="laws: there is no friction law named 'lugree'"):
         lg.compare_laws(plain_drive, {}, "lugree")
     with pytest.raises(lg.InputError, match="'dahl' was not compared"):
         lg.compare_laws(plain_drive, {}, "coulomb")["dahl"]

@@ -254,7 +254,7 @@ def test_the_balance_alone_and_the_bench_tests():
     found = lg.balance(log())
     well_formed(document(found), "plain")
     assert {"J", "Fc", "Fv"} <= found.parameters.keys() and found.curve
-    assert found.residual.value.shape == found.residual.sliding.shape
+    assert found.residual.value.shape == found.residual.t.shape
     assert len(found.plot()) > 3 and "Fc" in repr(found) and found._repr_html_()
     (test,) = document(lg.balance(small_answers.steady()))["bench_tests"]
     assert test["kind"] == "staircase" and {"Fc", "Fv"} <= test["values"].keys()

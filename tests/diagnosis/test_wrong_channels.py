@@ -106,14 +106,6 @@ def test_of_two_runs_the_impossible_one_is_named(runs, written):
     assert sentence.startswith("one.csv: ") and "sign of two.csv" in sentence
 
 
-def test_more_friction_is_a_note_and_no_reason_to_leave_a_run_out(runs, written):
-    way = np.sign(np.gradient(runs[2]["theta"]))  # half as much friction again
-    more = runs[2] | {"u": runs[2]["u"] + 0.5 * FC * way}
-    found = lg.balance(written(*runs[:2], more), MODEL)
-    (note,) = (n for n in found.notes if "more friction" in n)
-    assert not found.unlike and note.startswith("three.csv: ")
-
-
 @pytest.mark.cases
 @pytest.mark.parametrize("unit, size", [("theta=deg", 180 / np.pi), ("w=rpm", 30 / np.pi)])
 def test_an_angle_or_speed_in_another_unit_than_the_declared_values_is_said(unit, size):
@@ -121,5 +113,5 @@ def test_an_angle_or_speed_in_another_unit_than_the_declared_values_is_said(unit
     log = exchanged(u="u", **{channel: channel})
     right = {"J": 0.002, "friction": "coulomb", "Fc": 0.2, "Fv": 0.02}
     no = lg.diagnose(log | {channel: size * log[channel]}, right)
-    assert no.verdict == "refused" and f'give units="{unit}"' in no.reason
-    assert lg.diagnose(log, right).verdict != "refused"
+    assert any(unit in m and "is often a unit" in m for m in no.messages)
+    assert not any("is often a unit" in m for m in lg.diagnose(log, right).messages)

@@ -5,9 +5,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core.errors import Refused
-from lugrectl.estimates.covariance import Joint
-from lugrectl.estimates.findings import Estimate
-from lugrectl.estimates.members import Belief, Members
+from lugrectl.estimates.findings import Estimate, Joint
+from lugrectl.estimates.fitted import Belief, Members
 
 
 def estimates(spread, **values):

@@ -18,8 +18,7 @@ from lugrectl.core.display import with_interval
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.diagnose import Identification
 from lugrectl.diagnosis.result import VERDICTS
-from lugrectl.estimates.balance import Balance
-from lugrectl.estimates.findings import Estimate
+from lugrectl.estimates.findings import Balance, Estimate
 from lugrectl.report import diagnosis_plots, wording
 
 from ..cases.html_page import safe

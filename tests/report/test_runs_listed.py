@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lugrectl import read_record
-from lugrectl.estimates.comparison import Share
-from lugrectl.estimates.findings import FrictionMap
+from lugrectl.estimates.findings import FrictionMap, Share
 from lugrectl.report import html, text
 from lugrectl.report.diagnosis_plots import bars
 
