@@ -18,16 +18,16 @@ from ..estimates.balance import Balance
 from ..estimates.covariance import Joint, Residuals
 from ..record import Stretch
 from ..torque_balance.maps import is_map
-from ..torque_balance.model_values import (
+from ..torque_balance.values import (
     ModelValues,
     as_estimates,
     completed,
     lifted,
     model_values,
+    plain_balance,
     told_by_balance,
     with_scale,
 )
-from ..torque_balance.plain import plain_balance
 from ..torque_balance.verdict import Answer
 from .asked import Asked
 from .contradictions import contradicted, unfit_law

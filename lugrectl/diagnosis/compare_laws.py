@@ -23,7 +23,7 @@ from ..core.result import ComparedRows, Fields, library, picked, plain
 from ..core.validation import positive, share, shown
 from ..engine.runtime.backend import each_beside
 from ..torque_balance.constants import ALPHA, SCALE
-from ..torque_balance.plain import alone
+from ..torque_balance.values import alone
 from .asked import Asked, judged_by
 from .balanced import as_it_acts, polished_values, ready_of
 from .simulation import Prepared, errors, fitted, loglik

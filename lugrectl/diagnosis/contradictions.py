@@ -19,8 +19,7 @@ from ..estimates.balance import LEVELS, Balance
 from ..estimates.findings import AGAINST_HELD, Estimate
 from ..record import Stretch
 from ..torque_balance.maps import is_map
-from ..torque_balance.model_values import means_the_same, misfit
-from ..torque_balance.plain import base_row
+from ..torque_balance.values import base_row, means_the_same, misfit
 from ..torque_balance.verdict import Answer
 
 BETTER = 0.7  # of what a log leaves as it is: what it must leave without its fault

@@ -20,11 +20,9 @@ from ..estimates.comparison import Comparison
 from ..estimates.findings import Candidate, Estimate, Finding
 from ..estimates.fitted import Fitted
 from ..estimates.members import Belief
-from ..torque_balance.budget import comparison, refuse_unjudged, signals
+from ..torque_balance.budget import comparison, refuse_unjudged, signals, tabulated
 from ..torque_balance.constants import ALPHA, FLOOR
-from ..torque_balance.model_values import completed
-from ..torque_balance.plain import alone
-from ..torque_balance.tabulated import tabulated
+from ..torque_balance.values import alone, completed
 from ..torque_balance.verdict import LAG_NAME, WHOLE_INERTIA, Answer, answer
 from .asked import Asked, judged_by
 from .balanced import Begun, Ended

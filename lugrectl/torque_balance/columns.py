@@ -22,7 +22,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache, wraps
+from functools import cache, cached_property, wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -31,7 +31,6 @@ from ..blocks.block import Block
 from ..blocks.friction import level as sliding_level
 from ..blocks.plant import borrowed
 from ..core.bare_system import BareSystem
-from ..engine import TraceError
 from ..engine.runtime.batch_run import Lanes
 from . import constants as const
 from .motion import bend, cubic, slope
@@ -41,29 +40,15 @@ Pieces = Sequence[tuple[slice, float]]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, eq=False)
-class Known:
-    """A block as the key of what is known of it: its function and declaration are one object."""
-
-    block: Block
-
-    def __hash__(self) -> int:
-        return hash((self.block.kind, self.block.name, self.block.function))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Known) and self.block == other.block
-
-
 def once_a_block(function: Callable[[Block], T]) -> Callable[[Block], T]:
     """What is asked of a block, answered once for each."""
-
-    @lru_cache(maxsize=256)
-    def answered(known: Known) -> T:
-        return function(known.block)
+    known: dict[int, tuple[Block, T]] = {}  # a block that is kept keeps its id
 
     @wraps(function)
     def asked(block: Block) -> T:
-        return answered(Known(block))
+        if id(block) not in known:
+            known[id(block)] = block, function(block)
+        return known[id(block)][1]
 
     return asked
 
@@ -86,7 +71,7 @@ def driven(
     block: Block, sets: Sequence[Mapping[str, float]], signals: Signals, pieces: Pieces
 ) -> list[np.ndarray]:
     """Changes by each output of a block with states, (n, sets) each; each piece begins where
-    ``Block.start`` says. TraceError where the engine cannot read the block's function.
+    ``Block.start`` says.
 
     ``signals`` are (n,) arrays of what the block reads, with w beside theta and theta beside w.
     A value stands for the mean around its sample with triangular weights, so that a torque
@@ -97,7 +82,7 @@ def driven(
     for piece, dt in pieces:
         own = {k: x[piece] for k, x in signals.items()}
         k = int(np.clip(round(dt / const.FINE), 1, 10))
-        some = max(1, const.ROOM_DRIVEN // (len(block.states) * k * len(own[block.reads[0]])))
+        some = max(1, const.ROOM // (len(block.states) * k * len(own[block.reads[0]])))
         for first in range(0, len(sets), some):
             few = slice(first, first + some)
             out[:, piece, few] = _along(block, sets[few], own, dt, k)
@@ -287,20 +272,13 @@ def refused(block: Block) -> str:
         return f"{block.name} is a {block.kind}, neither an effect nor a friction law"
     if block.kind == "effect" and not block.acts:
         return f"{block.name} acts on nothing inside a drive"
-    for act in block.acts:
-        if act not in SERVED:
-            return f"{block.name} acts on {act}, which is no torque along a motion"
-    for name in block.inputs:
-        if name not in SIGNALS:
-            return f"{block.name} reads {name}, which no log has"
-    if "sensor" in block.acts and len(block.acts) > 1:
-        return f"{block.name} acts on more than the sensor"
+    for name in (*block.acts, *block.inputs):
+        if name not in (*SERVED, *SIGNALS):
+            return f"{block.name} acts on or reads {name}, which no log has"
     log = _some_motion()
     try:
         with np.errstate(all="ignore"):
             _torques(block, [_filled(block, {}, log)], log)
-    except TraceError as error:
-        return f"{block.name} has states and cannot be compiled: {error}"
     except NameError:  # a misspelt name is no reason to leave an effect out: it is said
         raise
     except Exception as error:  # whatever a function of the user raises
@@ -374,26 +352,17 @@ def slopes(block: Block, values: Values, along: Along, steps: Mapping[str, float
 def step_of(block: Block, key: str, value: float, along: Along) -> float:
     """How far to go for a difference: a share of a positive quantity; of a frequency or an order
     what moves the end of the log by 0.1 rad; of a place or an instant a share of the log's."""
-    p = block.parameters[key]
-    reach = max(float(np.ptp(along.path)), 1e-12)
-    if p.unit == "Hz":
-        return const.STEP_TURN / (2 * np.pi * max(float(np.ptp(along.t)), 1e-12))
-    if p.whole:
-        return const.STEP_TURN / reach
-    if p.angle:
-        return const.STEP_TRAVEL
-    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.STEP_TRAVEL * reach}.get(
-        p.unit, 1e-6
-    )
-    if p.low >= 0.0:
-        return max(const.STEP_SHARE * abs(value), least) if np.isfinite(value) else const.STEP_SHARE
+    p, reach = block.parameters[key], max(float(np.ptp(along.path)), 1e-12)
+    duration = max(float(np.ptp(along.t)), 1e-12)
+    if p.whole or p.unit == "Hz":
+        return const.STEP_TURN / (reach if p.whole else 2 * np.pi * duration)
+    if p.angle or p.unit == "rad" and p.low < 0.0:
+        return const.SLIGHT * (1.0 if p.angle else reach)
     if p.instant:
-        return const.STEP_DURATION * float(np.ptp(along.t))
-    return (
-        const.STEP_TRAVEL * reach
-        if p.unit == "rad"
-        else max(const.STEP_SHARE * abs(value), const.STEP_SHARE * abs(p.value), least)
-    )
+        return const.STEP_DURATION * duration
+    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.SLIGHT * reach}.get(p.unit, 1e-6)
+    size = abs(value) if np.isfinite(value) else 1.0
+    return max(const.STEP_SHARE * max(size, abs(p.value or 0.0) * (p.low < 0.0)), least)
 
 
 # Coefficients and parameters
@@ -605,13 +574,13 @@ def scaled(block: Block) -> tuple[str, ...] | None:
     both = (k for k, q in block.own.items() if mass.search(q.unit) and mass.search(p.unit))
     for also in ((), tuple(k for k in both if k != block.gain)):
         sets = []
-        for size in (const.TRIED, 2 * const.TRIED):
+        for size in (const.PART, 2 * const.PART):
             own = _filled(block, {}, log)
             more = {k: own[k] * size for k in also}
             sets.append(own | more | {block.gain: p.neutral + size})
         with np.errstate(all="ignore"):
             parts = [x for x in _torques(block, sets, log) if x is not None]
-        if all(np.all(np.abs(b - 2.0 * a) <= const.SAME_TORQUE * np.max(np.abs(b))) for a, b in
+        if all(np.all(np.abs(b - 2.0 * a) <= const.EXACT * np.max(np.abs(b))) for a, b in
                (x.T for x in parts)):  # fmt: skip
             return also
     return None

@@ -9,7 +9,7 @@ does not (IMITATES).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -22,7 +22,7 @@ from ..blocks.friction import along as bristle
 from ..blocks.friction import free_level, level, strokes
 from ..blocks.model import Model
 from ..core.numeric import rms
-from ..core.regression import Blocks, Prior, robust, spread
+from ..core.regression import TINY, Blocks, Prior, robust, spread
 from . import constants as const
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
 from .motion import Motion, one_way
@@ -30,7 +30,6 @@ from .windows import Rows
 
 FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "turn", "smear")
 IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declared law
-FREE_SIGNS = {"late", "smear", "run"}
 SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
 
 
@@ -57,6 +56,39 @@ class Term:
     @property
     def on_input(self) -> bool:
         return "input" in self.block.acts
+
+
+class Regression:
+    """Columns (m,) with their names, and what is known of the coefficient of each; none is above
+    LARGE times all torque, ``force``."""
+
+    def __init__(self, force: float) -> None:
+        self.force = force
+        self.names: list[Any] = []
+        self._columns: list[np.ndarray] = []
+        self._known: list[tuple[float, ...]] = []  # precision, centre, low and high of each
+
+    def add(
+        self,
+        name: Any,
+        column: np.ndarray,
+        sd: float = np.inf,
+        low: float = -np.inf,
+        high: float = np.inf,
+        centre: float = 0.0,
+    ) -> None:
+        most = const.LARGE * self.force / max(rms(column), TINY)
+        self.names.append(name)
+        self._columns.append(column)
+        self._known.append((1 / min(sd, most) ** 2, centre, low, high))
+
+    @cached_property
+    def X(self) -> np.ndarray:
+        return np.column_stack(self._columns)
+
+    @cached_property
+    def prior(self) -> Prior:
+        return Prior(*np.array(self._known).T)
 
 
 class Seen(NamedTuple):
@@ -131,7 +163,7 @@ class View:
     def several(self) -> bool:
         """Whether the drive has more than one speed."""
         slow, fast = np.quantile(self.rows.w, [0.05, 0.95])
-        return bool(fast - slow > const.ONE_SPEED * self.typical)
+        return bool(fast - slow > const.PART * self.typical)
 
     def on(self, mask: Any = slice(None)) -> View:
         """The same motion and law on some of the rows, by default on all."""
@@ -246,8 +278,8 @@ class View:
     def follows(self, x0: float) -> np.ndarray:
         """How the bristle (n,) follows an asymmetry of its level."""
         if x0 not in self._follows:
-            up, down = (bristle(*self._path, x0, side * const.ASYMMETRY) for side in (1, -1))
-            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.ASYMMETRY)])
+            up, down = (bristle(*self._path, x0, side * const.SLIGHT) for side in (1, -1))
+            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.SLIGHT)])
         return self._follows[x0]
 
     def stribeck(self, x0: float, vs: float) -> np.ndarray:
@@ -268,57 +300,47 @@ class View:
 
     # ---- the rows
     def start(self) -> None:
-        """Columns that no law changes; names and priors of all coefficients."""
-        m = self.motion
-        self.u = m.u
+        """What no law changes: the torque, and columns of terms and of runs."""
+        m, self.u, self.others = self.motion, self.motion.u, []
         for term in self.terms:
             if term.on_input:
                 self.u = self.changed(term.block, term.q)
-        fixed = [self.K @ np.column_stack([m.w, self.grease(const.GREASE[0])])]
-        names: list[Any] = ["J", "late", *FRICTION]
-        # in one direction Coulomb friction and an offset are one
-        signs = FREE_SIGNS | {"Fc"} if m.one_way else FREE_SIGNS
-        low, high = [-np.inf if n in signs else 0.0 for n in names], [self.most(n) for n in names]
-        priors = [Prior.free(len(names), low=low, high=high)]
         for term in self.terms:
             if not term.on_input:
                 made = self.columns(term.block, term.q)
-                fixed.append(self.in_rows(made))
-                names += [(term.key, k) for k in range(len(made.low))]
-                priors.append(Prior.free(len(made.low), low=made.low, high=made.high))
-        self.y = self.torque(self.u) - self.K @ m.d
+                for k, x in enumerate(self.in_rows(made).T):
+                    self.others.append(((term.key, k), x, np.inf, made.low[k], made.high[k]))
+        self.y, self.late = self.torque(self.u) - self.K @ m.d, self.lateness(self.u)
         known = self.declared.get("J", 0.0) * self.rows.a  # coasting: no torque but that
         self.force = float(np.sqrt(max(np.mean(self.y**2), np.mean(known**2)))) + 1e-300
+        self.others += self.offsets(self.force)
+
+    def offsets(self, level: float) -> Iterator[tuple]:
+        """A column for each run whose torque has an offset of its own."""
+        most = const.MUCH * self.force
         for run in self.with_offset:
-            fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
-            names.append("run")
-            most = const.BETWEEN * self.force
-            priors.append(Prior.free(1, low=-most, high=most))
-        self.names, self.fixed, self.bounds = names, np.column_stack(fixed), Prior.joined(*priors)
-        self.bounds = self.bounds.but(1, low=-1.0, high=self.latest)
-        if self.J_range:
-            self.bounds = self.bounds.but(0, low=self.J_range[0], high=self.J_range[1])
-        self.late = self.lateness(self.u)
+            column = self.K @ (1.0 * (self.motion.run == run))
+            yield "run", column, const.BACKGROUND * level, -most, most
 
     def most(self, name: str) -> float:
         return np.inf
 
-    def base(self, x0: float, vs: float) -> np.ndarray:
-        """Rows (m, k) of the declared model for one bristle length and one Stribeck speed."""
+    def base(self, x0: float, vs: float) -> Regression:
+        """The declared model for one bristle length and one Stribeck speed."""
+        m, made = self.motion, Regression(self.force)
+        low, high = self.J_range or (0.0, np.inf)
+        made.add("J", self.rows.a, low=low, high=high)
+        made.add("late", self.late, sd=3.0, low=-1.0, high=self.latest)
         z, law = self.bristle_rows(x0), self.K @ self.stribeck(x0, vs)
-        w, rest = self.fixed[:, :2], self.fixed[:, 2:]
-        return np.column_stack(
-            [self.rows.a, self.late, z[:, 0], law[:, :3], w, law[:, 3], z[:, 1:], rest]
-        )
-
-    def prior(self, B: np.ndarray) -> Prior:
-        """No term is larger than LARGE times all torque; the lateness is held to its bound."""
-        precision = np.zeros(B.shape[1])
-        precision[2:] = np.mean(B[:, 2:] ** 2, axis=0) / (const.LARGE * self.force) ** 2
-        precision[1] = 0.1
-        between = [j for j, n in enumerate(self.names) if n == "run"]
-        precision[between] = max(const.BACKGROUND * self.force, 1e-100) ** -2
-        return replace(self.bounds, precision=precision)
+        ways = self.K @ m.w, self.grease_rows(const.GREASE[0])
+        parts = z[:, 0], *law[:, :3].T, *ways, law[:, 3], *z[:, 1:].T
+        # in one direction Coulomb friction and an offset are one
+        signs = {"smear", "Fc"} if m.one_way else {"smear"}
+        for name, column in zip(FRICTION, parts, strict=True):
+            made.add(name, column, low=-np.inf if name in signs else 0.0, high=self.most(name))
+        for other in self.others:
+            made.add(*other)
+        return made
 
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
         """Bristle lengths and Stribeck speeds to try, around declared ones."""
@@ -339,8 +361,8 @@ class View:
         @cache
         def likelihood(i: int, j: int) -> float:
             nonlocal scale
-            X, y = self.base(lengths[i], speeds[j]), self.y
-            prior = self.prior(X)
+            base, y = self.base(lengths[i], speeds[j]), self.y
+            X, prior = base.X, base.prior
             if beside is not None:
                 X, y, prior = beside.added(self, X, y, prior)
             if scale is None:
@@ -363,7 +385,8 @@ class View:
         return scale
 
     def set_law(self, x0: float, vs: float) -> None:
-        self.x0, self.vs, self.B = x0, vs, self.base(x0, vs)
+        self.x0, self.vs, base = x0, vs, self.base(x0, vs)
+        self.B, self.prior, self.names = base.X, base.prior, base.names
         _, self.z = self.deflection(x0)
         self.law = self.stribeck(x0, vs)
 
@@ -385,7 +408,7 @@ class View:
                 term.b = np.array([k[term.key, i] for i in range(len(linear(term.block)))])
         self.set_load(self.terms)
         self.level = self._level(k)
-        self.size = max(rms(self.K @ self.friction), const.LEAST_FRICTION * self.force)
+        self.size = max(rms(self.K @ self.friction), const.LITTLE * self.force)
 
     def set_load(self, terms: Sequence[Term]) -> None:
         """The load torque (n,): measured, and of terms that are loads."""

@@ -26,6 +26,7 @@ from . import constants as const
 from .columns import needs_inertia
 from .friction import View, declared_terms, places
 from .motion import Motion, in_turn
+from .table import errors_of
 from .windows import Rows
 
 PLAIN_LAW = {"J", "late", "Fc", "bump", "Fv"}
@@ -51,7 +52,7 @@ def is_map(stretches: Sequence[Stretch]) -> bool:
     runs = [_Steady(parts) for parts in _by_run(stretches)]
     if len(runs) < const.LEAST_RUNS or not all(r.steady for r in runs):
         return False
-    return len({round(np.log(abs(r.w)) / const.ONE_RUN) for r in runs}) >= const.LEAST_SPEEDS
+    return len({round(np.log(abs(r.w)) / const.NEAR) for r in runs}) >= const.SEVERAL
 
 
 def _by_run(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
@@ -69,12 +70,10 @@ class _Steady:
                  if len(at) > 1]  # fmt: skip
         speeds = np.array([_speed(s, at) for s, at in cells])
         usual = float(np.median(speeds)) if len(speeds) else 0.0
-        own = np.abs(speeds - usual) < const.STEADY_SPEED * abs(usual)
+        own = np.abs(speeds - usual) < const.PART * abs(usual)
         self.number = parts[0].run
         self.steady = (
-            total >= const.FEWEST_SAMPLES
-            and usual != 0
-            and float(np.mean(own)) > const.STEADY_SHARE
+            total >= 2 * const.CELLS and usual != 0 and float(np.mean(own)) > (1 - const.PART)
         )
         self.cells = [cell for cell, on in zip(cells, own, strict=True) if on]
         self.w = self._whole() if self.steady else 0.0
@@ -235,7 +234,9 @@ class MapView(View):
         if len(w) and len(v):
             across = forth * np.interp(w, v, back)
             tests.append(abs(np.sum(across)) / np.sqrt(len(across)))
-        return bool(max(tests) > const.Z_ALIKE and np.std(mean) > const.FLOOR * self.size)
+        return bool(
+            max(tests) > errors_of(const.ALPHA / 2) and np.std(mean) > const.FLOOR * self.size
+        )
 
     def scatter(self, r: np.ndarray) -> float:
         """How far a run lies from the line through its neighbours in speed, or a stretch from its
@@ -263,7 +264,7 @@ class MapView(View):
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
         """One bristle; Stribeck speeds from the slowest run on."""
         slow, top = float(np.abs(self.motion.w).min()), self.motion.top
-        return np.ones(1), np.geomspace(min(slow, 0.1 * top), const.TAIL * top, const.FALLS)
+        return np.ones(1), np.geomspace(min(slow, 0.1 * top), const.TAIL * top, const.BINS)
 
 
 @dataclass(frozen=True)
@@ -278,9 +279,7 @@ def map_of(stretches: Sequence[Stretch], model: Model) -> MapView:
     steady = [_Steady(parts) for parts in _by_run(stretches)]
     angle = all(s.theta is not None for s in stretches)
     turns = float(np.median([r.turns for r in steady])) if angle else 0.0
-    fine = int(
-        np.clip(np.ceil(turns * const.PER_TURN / const.CELLS), 1, const.FINEST // const.CELLS)
-    )
+    fine = int(np.clip(np.ceil(turns * const.PER_TURN / const.CELLS), 1, const.FINEST))
     effects = tuple(p for p in model.effects if shown(p.block, angle))
     motion = Nodes([r.run(fine) for r in steady], angle)
     return MapView(motion, replace(model, effects=effects))
@@ -301,5 +300,5 @@ def _every_third(motion: Nodes) -> list[int]:
     w, made = motion.w[first], []
     for side in (-1, 1):
         way = np.flatnonzero(side * w > 0)
-        made += runs[way[np.argsort(np.abs(w[way]))][1 : -1 : const.EVERY]].tolist()
+        made += runs[way[np.argsort(np.abs(w[way]))][1 : -1 : const.SEVERAL]].tolist()
     return made

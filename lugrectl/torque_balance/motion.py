@@ -11,7 +11,7 @@ signal is known: its impulse response, through which the torque is sent too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,7 +23,7 @@ from scipy import ndimage
 from scipy.linalg import solveh_banded
 
 from ..core.errors import Refused
-from ..core.regression import NU
+from ..core.regression import TINY, weight
 from ..record import Stretch
 from . import constants as const
 
@@ -150,30 +150,32 @@ def in_turn(sizes: Sequence[int]) -> tuple[slice, ...]:
     return tuple(map(slice, ends[:-1], ends[1:]))
 
 
-def sampled(stretches: Sequence[Stretch]) -> list[Samples]:
-    """The stretches of a log by rate and channels; runs follow one another in time. Where others
-    move, those that rest throughout say nothing. Refused where no stretch is long enough."""
+def sampled(
+    stretches: Sequence[Stretch], shifts: Mapping[int, float] | None = None
+) -> list[Samples]:
+    """The stretches of a log by rate and channels; runs follow one another in time, or begin so
+    much later (s). Where others move, those that rest throughout say nothing. Refused where no
+    stretch is long enough."""
     long = [s for s in stretches if len(s.u) >= const.SHORTEST and s.ok.any()]
     if not long:
         raise Refused(f"no {const.SHORTEST} sound samples stand in a row.", "Record a longer run.")
-    times = list(_times(long))
-    groups: dict[tuple, list[int]] = {}
-    for i, s in enumerate(long):
+    shifts = shifts or _in_turn(long)
+    groups: dict[tuple, list[Stretch]] = {}
+    for s in long:
         own = s.theta is None, s.w is None
-        alike = (k for k in groups if k[1:] == own and abs(s.dt / k[0] - 1.0) < const.SAME_RATE)
-        groups.setdefault(next(alike, (s.dt, *own)), []).append(i)
-    made = [Samples.of([long[i] for i in g], [times[i] for i in g]) for g in groups.values()]
+        alike = (k for k in groups if k[1:] == own and abs(s.dt / k[0] - 1.0) < const.SAME)
+        groups.setdefault(next(alike, (s.dt, *own)), []).append(s)
+    made = [Samples.of(g, [s.t + shifts[s.run] for s in g]) for g in groups.values()]
     return [one for one in made if one.moves] or made
 
 
-def _times(stretches: Sequence[Stretch]) -> Iterator[np.ndarray]:
-    """The times of each stretch: those of the first run as recorded, others behind it."""
-    shift, end, run = 0.0, float(stretches[0].t[0]), stretches[0].run
+def _in_turn(stretches: Sequence[Stretch]) -> dict[int, float]:
+    """How much later each run begins, s: the first one as recorded, others behind it."""
+    shifts, end = {stretches[0].run: 0.0}, 0.0
     for s in stretches:
-        if s.run != run:
-            shift, run = end + s.dt - float(s.t[0]), s.run
-        end = float(s.t[-1]) + shift
-        yield s.t + shift
+        shifts.setdefault(s.run, end + s.dt - float(s.t[0]))
+        end = float(s.t[-1]) + shifts[s.run]
+    return shifts
 
 
 class Sensors:
@@ -213,13 +215,6 @@ class Sensors:
         own, unit = (local_noise(y, self.samples.pieces, quantile) for y in (x, white))
         return own / unit
 
-    def only(self, samples: Samples, at: Sequence[slice]) -> Sensors:
-        """The same channels in parts of the log."""
-        made = copy(self)
-        made.samples, made.theta = samples, samples.theta
-        made.w = None if self.w is None else joined(self.w, at)
-        return made
-
     def _differenced(self) -> bool:
         """Whether the noise of w is that of differences of theta: then w measures nothing."""
         assert self.theta is not None and self.w is not None
@@ -228,7 +223,7 @@ class Sensors:
             x, y = np.diff(self.w[at], 2)[1:-1], np.diff(self.theta[at], 3)
             if len(y) > const.LEAST_NOISE:
                 alike = max(alike, *(_alike(x, y[k : k + len(x)]) for k in (0, 1)))
-        return alike > const.ALIKE_NOISE
+        return alike > const.MOSTLY
 
     @property
     def late(self) -> bool:
@@ -263,7 +258,7 @@ class Sensors:
         if not T:
             return self.w
         steps = -T / self.samples.dt
-        if abs(steps - round(steps)) < const.WHOLE_SAMPLE:
+        if abs(steps - round(steps)) < const.EXACT:
             return self.samples.each(lambda x: moved(x, round(steps)), self.w)
         return self.samples.each(lambda x: ndimage.shift(x, steps, order=3, mode="nearest"), self.w)
 
@@ -271,7 +266,7 @@ class Sensors:
         """Fit dtheta/dt = gain w(t + lag) + offset; a w that lags is un-filtered, as shifting would
         leave an error of second order. Beyond three samples it is shifted first."""
         dt = self.samples.dt
-        half = max(4, int(const.KERNEL / dt))
+        half = max(4, int(const.SLOW / dt))
         phi = (1 - (np.arange(-half, half + 1) / half) ** 2) ** 3
         phi /= phi.sum()
         dphi = np.gradient(phi) / dt
@@ -284,11 +279,11 @@ class Sensors:
         for _ in range(3):
             w = self._moved(shift)
             columns = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
-            b, weights, scale = _robust_line(np.column_stack(columns), turned, moves)
+            b, weights, scale = robust_line(np.column_stack(columns), turned, moves)
             rest = b[1] / b[0] if shift else b[1]
             self.gain, self.lag = (
                 float(b[0]),
-                shift + float(np.clip(rest, -const.FILTER, const.FILTER)),
+                shift + float(np.clip(rest, -const.SLOW, const.SLOW)),
             )
             if abs(self.lag) < min(3 * dt, 8e-3):
                 break
@@ -324,7 +319,7 @@ class Sensors:
         """How late w is (s) beyond what a filter does, by a grid; 0 where no delay fits clearly."""
         if len(turned) < 40:
             return 0.0
-        grid = np.arange(0.0, const.VERY_LATE + 0.005, 0.01)
+        grid = np.arange(0.0, const.VERY_LATE + 0.005, const.LATE_STEP)
         misfit = []
         for T in grid:
             X = np.column_stack([self._windows(self._moved(T), phi), np.ones(len(turned))])
@@ -349,8 +344,8 @@ def moved(x: np.ndarray, steps: int) -> np.ndarray:
     return x[np.clip(np.arange(len(x)) - steps, 0, len(x) - 1)]
 
 
-def _robust_line(
-    X: np.ndarray, y: np.ndarray, moves: np.ndarray
+def robust_line(
+    X: np.ndarray, y: np.ndarray, moves: Any = slice(None)
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Coefficients, weights and scale of a robust line; rows that rest say nothing of scale."""
     weights = np.ones(len(y))
@@ -358,8 +353,8 @@ def _robust_line(
         root = weights[:, None] ** 0.5
         b = np.linalg.lstsq(X * root, y * root[:, 0], rcond=None)[0]
         r = y - X @ b
-        scale = 1.5 * float(np.median(np.abs(r[moves]))) + 1e-15
-        weights = 1 / (1 + (r / scale) ** 2 / NU)
+        scale = 1.5 * float(np.median(np.abs(r[moves]))) + TINY
+        weights = weight(r / scale)
     return b, weights, scale
 
 
@@ -384,13 +379,6 @@ class Smoother:
             self.variance = sensors.w_variance * self.dt**2 * const.DRIFT + 1e-300
         self.of_w = 0.0 if self.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
         self._systems: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-
-    def only(self, samples: Samples, at: Sequence[slice]) -> Smoother:
-        """The same for parts of the log."""
-        made = copy(self)
-        made.sensors, made.theta = self.sensors.only(samples, at), joined(self.theta, at)
-        made.w, made._systems = made.sensors.w, {}
-        return made
 
     def _system(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Penalty and data matrices of n samples, upper banded (5, n)."""
@@ -427,11 +415,11 @@ class Smoother:
         grid = 10.0 ** np.arange(8, -3, -0.5)
         for stiffness in grid:
             x = self(stiffness, self.theta, self.w)
-            misfit = np.mean(np.minimum((self.theta - x) ** 2 / self.variance, const.FAR_RESIDUAL))
+            misfit = np.mean(np.minimum((self.theta - x) ** 2 / self.variance, const.CLIP**2))
             if self.w is not None:
                 w = self.sensors.samples.each(lambda y: slope(y, self.dt), x)
                 of_w = (self.w - w) ** 2 / self.sensors.w_variance
-                misfit = max(misfit, np.mean(np.minimum(of_w, const.FAR_RESIDUAL)))
+                misfit = max(misfit, np.mean(np.minimum(of_w, const.CLIP**2)))
             if misfit < const.NOISE_FIT:
                 return float(stiffness)
         return float(grid[-1])
@@ -482,19 +470,6 @@ class SmoothRuns:
         few = samples.some(const.ENOUGH)
         judge = smoother if few is samples else Smoother(Sensors(few))
         return cls(smoother, judge.stiffness())
-
-    def only(self, at: Sequence[slice]) -> SmoothRuns:
-        """Parts of the log, as smooth as it is."""
-        made, k = copy(self), self.between
-        made.samples = self.samples.only(at)
-        made.smoother = self.smoother.only(made.samples, at)
-        made.sensors = made.smoother.sensors
-        for key in ("theta", "w", "acceleration", "path", "shake"):
-            setattr(made, key, joined(getattr(self, key), at))
-        fine = [slice(k * one.start, k * one.stop) for one in at]
-        made.fine_w = joined(self.fine_w, fine)
-        made.fine_steps = made._joined(joined(np.r_[self.fine_steps, 0.0], fine)[:-1], k)
-        return made
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         return self.samples.each(lambda y: slope(y, self.dt), x)

@@ -176,7 +176,7 @@ class Search:
         p = block.own[block.gain]
         meant = (b >= p.low) & (b <= p.high)
         if any(one.passed for one in block.own.values()):
-            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < const.MINORITY
+            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < const.PART
         return np.where(meant, gain, 0.0)
 
     def _each(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
@@ -276,7 +276,7 @@ class Search:
         W = {i: table.beside(X[:, 2 * i : 2 * i + 2]) for i in pool}
         left, least = table.rest_of_y.copy(), 2 * (const.SCREEN + np.log(len(N)))
         whole = float(np.sum((table.y * table.root) ** 2))
-        while len(chosen) < const.WAVES_AT_ONCE:
+        while len(chosen) < const.FIRSTS:
             # waves over less than a turn imitate one another
             W = {i: w for i, w in W.items()
                  if all(abs(N[i] - N[j]) * self.span > 4 for j in chosen)}  # fmt: skip
@@ -287,7 +287,7 @@ class Search:
             power = float(fits[i] @ fits[i])
             if power / table.scale**2 < max(least, 0.01 * gains.max()):
                 break
-            if not chosen and power < const.MAIN_WAVE * whole:
+            if not chosen and power < const.MUCH * whole:
                 return  # a series of small waves is any function of the angle
             chosen.append(i)
             q, _ = np.linalg.qr(W.pop(i))
@@ -313,13 +313,13 @@ class Search:
 
         room = np.sum(table.root**2) - np.sum([spectrum(q) for q in table.Q.T], axis=0)
         # a wave of few periods is any course in time
-        seen = (f > max(0.2, const.PERIODS / T)) & (f < min(60.0, 0.4 / step))
+        seen = (f > max(0.2, const.AGAIN / T)) & (f < min(60.0, 0.4 / step))
         if not seen.any():
             return
         power = spectrum(table.rest_of_y) / np.maximum(room, 1e-3 * room.max()) * seen
         q = {key: float(f[int(np.argmax(power))])}
         q = self._polished(block, q, {key: 0.15 / T}, power.max() / table.scale**2)
-        if q[key] * T > const.PERIODS:
+        if q[key] * T > const.AGAIN:
             yield self._contender(block, q, cost=float(np.log(seen.sum() / 2)))
 
     def _of_input(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:

@@ -17,17 +17,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
 
 from ..blocks.block import members, unit_for
 from ..blocks.declared_values import Stated
-from ..blocks.friction import free_level
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
-from ..core.regression import Prior, log_density, paired, robust
+from ..core.regression import paired
 from ..record import Stretch
 from . import constants as const
 from .columns import columns, linear, searched
@@ -52,7 +51,7 @@ def logged_late(view: View, table: Table) -> float:
 
     def gain(T: float) -> float:
         made = row(T)  # of a u that is moved away from all motion nothing is left, nor of J
-        return made.gain if made.J > const.KEPT * table.J else -np.inf
+        return made.gain if made.J > const.MOSTLY * table.J else -np.inf
 
     best = float(grid[int(np.argmax([gain(T) for T in grid]))])
     best = golden(gain, max(best - const.LATE_STEP, 0.0), best + const.LATE_STEP)
@@ -69,26 +68,9 @@ def logged_late(view: View, table: Table) -> float:
 def speed_offset(view: View, table: Table) -> tuple[float, float]:
     """How much (rad/s) a w without theta is above the speed, with its standard error; 0 where no
     such row is proven."""
-    m, v = view.motion, view
+    m, none = view.motion, (0.0, 0.0)
     if any(r.sensors.theta is not None for r in m.runs):
-        return 0.0, 0.0
-    X = np.column_stack([v.rows.a, v.late, v.K @ np.column_stack([m.w, np.ones(len(m))])])
-    blurred = max(const.AT_REST * m.top, m.sensors.w_variance**0.5)
-
-    @lru_cache
-    def promise(offset: float) -> float:
-        w = m.w - offset
-        way = np.tanh(w / blurred)
-        law = np.column_stack([way, way * free_level(w, 0.0, 1.0, const.CURVE * m.top, 1.0)])
-        both = np.column_stack([X, v.K @ law])
-        r = robust(both, v.y, Prior.free(both.shape[1]), table.scale).r
-        return float(np.sum(log_density(r)))
-
-    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
-    i = int(np.argmax([promise(x) for x in grid]))
-    best = golden(promise, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
-    if promise(best) - promise(0.0) < const.SCREEN:
-        return 0.0, 0.0
+        return none
 
     @lru_cache
     def scores(offset: float) -> np.ndarray:
@@ -97,18 +79,20 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
     def total(offset: float) -> float:
         return float(scores(offset).sum())
 
-    best = golden(total, 0.5 * best, 1.5 * best, 11)
+    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
+    i = int(np.argmax([total(x) for x in grid.tolist()]))
+    best = golden(total, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], 11)
     e = scores(best) - np.log(len(grid)) / len(table.e)
-    if not proven(*paired(e, table.e)):
-        return 0.0, 0.0
-    step = const.NEAR_BY * abs(best)
+    if grid[i] == 0.0 or not proven(*paired(e, table.e)):
+        return none
+    step = const.NEAR * abs(best)
     up, down = scores(best + step), scores(best - step)
     bend = float(np.sum(2 * scores(best) - up - down)) / step**2
-    error = (
-        const.WHOLE * np.linalg.norm(up - down) / (2 * step * bend)
-    )  # by what the blocks say alone
-    error = float(error) if bend > 0 else abs(best)
-    return best, float(np.hypot(error, blurred / np.sqrt(12.0)))  # slower is rest
+    error = abs(best)
+    if bend > 0:  # by what the blocks say alone
+        error = const.WHOLE * float(np.linalg.norm(up - down)) / (2 * step * bend)
+    slow = max(const.AT_REST * m.top, m.sensors.w_variance**0.5)
+    return best, float(np.hypot(error, slow / np.sqrt(12.0)))  # slower is rest
 
 
 def as_acted(stretches: Sequence[Stretch], late: float, above: float) -> list[Stretch]:
@@ -135,36 +119,27 @@ TURN = "Check the sign of u; {} reverses it."
 Range = tuple[float, float] | None
 
 
-class Log(NamedTuple):
-    """A log as the table sees it, ``few`` rows that are enough for a search (itself where it is
-    short), and a table of these; None where it was not asked whether the channels are sound."""
-
-    view: View
-    few: View
-    width: Width | Still
-    table: Table | None = None
-
-
-def seen(stretches: Sequence[Stretch], model: Model) -> Log:
-    """The log with motion, windows and declared effects with a value of everything; or a map."""
+def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, View, Width | Still]:
+    """The log with motion, windows and declared effects with a value of everything; rows of it that
+    are enough for a search (itself where it is short); what it tells of the inertia. Or a map."""
     if is_map(stretches):
         view = map_of(stretches, model)
-        return Log(view, view, Still())
+        return view, view, Still()
     motion = Motion.of(sampled(stretches))
     here, width = places(motion), wide_enough(motion, model)
     view = View(motion, Rows(motion, width.h), model, width.range, declared_terms(model, here))
     view.sure = width.sure
-    few = enough(view, width)
+    few = enough(view, width, stretches)
     find_open(few, width.sure)
     view.terms = few.terms
     if np.ptp(motion.u) == 0:
-        return Log(view, few, width)
+        return view, few, width
     table = Table(few)
     late, (above, error) = logged_late(few, table), speed_offset(few, table)
     if not (late or above):
-        return Log(view, few, width, table)
+        return view, few, width
     made = seen(as_acted(stretches, late, above), model)
-    for one in {id(v): v for v in (made.view, made.few)}.values():
+    for one in {id(v): v for v in made[:2]}.values():
         one.logged_late += late
         one.w_above = one.w_above[0] + above, max(one.w_above[1], error)
     return made
@@ -188,7 +163,7 @@ def wide_enough(motion: Motion, model: Model) -> Width:
     if wave:  # at windows this narrow noise would take the inertia
         narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
         width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
-        width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
+        width.range = (J / const.GROWN, const.GROWN * J) if J and width.sure else width.range
     width.range = inertia_range(width.range, model)
     return width
 
@@ -254,7 +229,7 @@ def _missing(term: Term) -> list[str]:
     return [k for k in searched(term.block) if k not in term.q]
 
 
-def enough(view: View, width: Width) -> View:
+def enough(view: View, width: Width, stretches: Sequence[Stretch]) -> View:
     """The view of PARTS of a long log: evenly spread ones, and the STRANGE of which a plain balance
     leaves most, wherever something happens once. Itself where the log is short."""
     m = view.motion
@@ -263,39 +238,23 @@ def enough(view: View, width: Width) -> View:
         return view
     length = seconds / const.PARTS
     chosen = np.zeros(int(m.duration / length) + 1, bool)
-    chosen[_spread(len(chosen))] = True
-    order = np.argsort(np.where(chosen, -1.0, _left(width, length, len(chosen))))
-    chosen[order[-const.STRANGE :]] = True
-    few = _only(m, chosen[(m.elapsed / length).astype(int)])
+    i = np.arange(const.PARTS - const.STRANGE)  # one in each of equal periods, at all distances
+    chosen[((i + const.GOLDEN * i % 1.0) * len(chosen) / len(i)).astype(int)] = True
+    left = np.bincount((width.t / length).astype(int), width.r**2, len(chosen))
+    chosen[np.argsort(np.where(chosen, -1.0, left))[-const.STRANGE :]] = True
+    runs, first = np.unique(m.run, return_index=True)
+    shifts = dict(zip(runs.tolist(), (m.t - m.stamp)[first].tolist(), strict=True))
+    parts = []
+    for s in stretches:
+        if s.run in shifts:
+            place = (s.t + (shifts[s.run] - m.t.min())) / length
+            here = chosen[np.clip(place.astype(int), 0, len(chosen) - 1)]
+            ends = np.r_[0, np.flatnonzero(np.diff(here)) + 1, len(here)].tolist()
+            parts += [_part(s, slice(a, b)) for a, b in pairwise(ends) if here[a]]
+    few = Motion.of(sampled(parts, shifts))
     return view.by(few, Rows(few, view.rows.h))
 
 
-def _spread(number: int) -> np.ndarray:
-    """Places of parts among so many, one in each of equal periods but not at equal distances."""
-    i = np.arange(const.PARTS - const.STRANGE)
-    return ((i + const.GOLDEN * i % 1.0) * number / len(i)).astype(int)
-
-
-def _left(width: Width, length: float, number: int) -> np.ndarray:
-    """What a plain balance leaves (number,) of each part: the mean square of its worst block."""
-    block = (width.t / const.BLOCK).astype(int)
-    many = np.maximum(np.bincount(block), 1)
-    power = np.bincount(block, width.r**2) / many
-    made = np.zeros(number)
-    part = np.minimum((np.arange(len(power)) * const.BLOCK / length).astype(int), number - 1)
-    np.maximum.at(made, part, power)
-    return made
-
-
-def _only(motion: Motion, here: np.ndarray) -> Motion:
-    """The motion in the samples ``here`` (n,), cut where they do not go on."""
-    runs = []
-    for r, own in zip(motion.runs, motion.at, strict=True):
-        at = []
-        for piece in r.samples.pieces:
-            change = np.flatnonzero(np.diff(here[own][piece])) + 1 + piece.start
-            ends = [piece.start, *change.tolist(), piece.stop]
-            at += [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)
-                   if here[own][a] and b - a >= const.SHORTEST]  # fmt: skip
-        runs += [r.only(at)] if at else []
-    return Motion(runs)
+def _part(s: Stretch, at: slice) -> Stretch:
+    own = {k: getattr(s, k) for k in ("t", "u", "theta", "w", "ok", "d")}
+    return replace(s, **{k: x[at] for k, x in own.items() if x is not None})

@@ -19,9 +19,9 @@ from scipy.sparse import block_diag, csr_matrix
 
 from ..core.errors import Refused
 from ..core.numeric import rms
-from ..core.regression import Prior, normal_equations, robust, weight
+from ..core.regression import TINY, Prior, normal_equations
 from . import constants as const
-from .motion import Motion, SmoothRuns
+from .motion import Motion, SmoothRuns, robust_line
 
 
 def bump(half: int) -> np.ndarray:
@@ -73,7 +73,7 @@ class _Windows:
             const.AT_REST * top, 3 * noise, 0.5 * s.count / h
         )  # at rest friction is anything
         keep = (K @ np.abs(runs.w) > slow) & (
-            K @ (np.abs(runs.w) < const.AT_REST * top) < const.STILL
+            K @ (np.abs(runs.w) < const.AT_REST * top) < const.MUCH
         )
         if not samples.ok.all():
             keep &= K @ (~samples.ok).astype(float) < 1e-9
@@ -93,12 +93,9 @@ class Rows:
     """
 
     def __init__(self, motion: Motion, h: float) -> None:
-        sparser = -(
-            -round(sum(len(r.w) * r.dt for r in motion.runs) / (const.OVERLAP * h))
-            // const.MOST_ROWS
-        )
-        self.h = h = h * max(1.0, sparser / const.SPARSEST)
-        parts = [_Windows(r, h, motion.top, min(sparser, const.SPARSEST)) for r in motion.runs]
+        self.h, total = h, sum(len(r.w) * r.dt for r in motion.runs)
+        sparser = max(1, int(np.ceil(total / (const.OVERLAP * h * const.ENOUGH))))
+        parts = [_Windows(r, h, motion.top, sparser) for r in motion.runs]
         first = [at.start for at in motion.at]
         self.at = np.concatenate([p.at + a for p, a in zip(parts, first, strict=True)])
         if len(self.at) < const.LEAST_ROWS:
@@ -194,23 +191,18 @@ class Probe:
         return a, variance, K, at, max(1, round(half / step))
 
     def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
-        k, size = np.ones(len(y)), np.sqrt(np.mean(X**2, axis=0)) + 1e-300
-        X, many, scale = X / size, len(size), 1.0
-        prior = Prior.free(many)
-        for _ in range(6):
-            fit = robust(X, y, prior, scale, 0.0, k, 1)
-            r = fit.r * scale
-            scale = 1.5 * float(np.median(np.abs(r))) + 1e-300
-            k = weight(r / scale)
-        self._X, self._b, self.r, self._scale, self._size = X, fit.b, r, scale, size
-        G, _ = normal_equations(X, y, k, prior, scale, 0.0)
+        size = np.sqrt(np.mean(X**2, axis=0)) + TINY
+        X = X / size
+        self._b, k, self._scale = robust_line(X, y)
+        self._X, self._size, self.r = X, size, y - X @ self._b
+        G, _ = normal_equations(X, y, k, Prior.free(len(size)), self._scale, 0.0)
         self._inverse = np.linalg.inv(G)
-        self.rms = rms(y) + 1e-300
+        self.rms = rms(y) + TINY
         told = self._inverse[0, 0] / size[0] ** 2
-        self.J = float(fit.b[0] / size[0])
-        self.error = float(scale * np.sqrt(self._memory * told))
+        self.J = float(self._b[0] / size[0])
+        self.error = float(self._scale * np.sqrt(self._memory * told))
         self.lost = float(noise.mean() * k.sum() * told)
-        self.residual = rms(r)
+        self.residual = rms(self.r)
         self.left = self.residual / self.rms
 
     @cached_property
@@ -229,7 +221,7 @@ class Probe:
         place = b[5:]  # gravity that is large, and certain beside everything that is linear
         chi2 = place @ np.linalg.solve(self._inverse[5:, 5:], place)
         certain = chi2 / (self._scale**2 * self._memory + 1e-300) > 50
-        large = rms(self._X[:, 5:] @ place) > const.HEAVY * friction
+        large = rms(self._X[:, 5:] @ place) > const.PART * friction
         self.heavy = self.declared.weight and bool(certain and large)
         self.noisy = self._noise(motion, friction, thin, variance)
 
@@ -238,7 +230,7 @@ class Probe:
         J, known = self.declared.J, self.declared.J is not None
         if known and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
             friction = J * self._size[0]
-        small = const.NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
+        small = const.FAINT * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
         if J is None:
             J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
         small = max(small, 1e-100)
@@ -271,14 +263,14 @@ class Width:
                 "too few windows in which something moves.",
                 "Record a longer run in which the drive moves.",
             )
-        good = [p for p in self.tried if self._calm(p) and p.lost < const.LOST]
+        good = [p for p in self.tried if self._calm(p) and p.lost < const.LITTLE]
         good = self._undeclared(good) if declared.J is None else self._declared(grid, good)
         last = self.tried[-5:]
         self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < 0.05
         # a balance that explains all else excludes the declared inertia, and finds none
-        least = const.LOST * (declared.J or 0.0)
+        least = const.LITTLE * (declared.J or 0.0)
         self.against = all(
-            p.left < const.LOST and p.J < 3 * p.error and p.J + 3 * p.error < least
+            p.left < const.LITTLE and p.J < 3 * p.error and p.J + 3 * p.error < least
             for p in self.tried
         )
         p = good[0] if good else min(self.tried, key=self._cost)
@@ -292,14 +284,14 @@ class Width:
             if not p.enough:
                 continue
             self.tried.append(p)
-            if stop and p.lost < const.LOST and self._calm(p):
+            if stop and p.lost < const.LITTLE and self._calm(p):
                 break
 
     def _calm(self, p: Probe) -> bool:
-        return p.noisy < 1 or self.declared.J is not None and p.h > const.WIDE
+        return p.noisy < 1 or self.declared.J is not None and p.h > const.SLOW
 
     def _cost(self, p: Probe) -> float:
-        return max(p.noisy, p.lost / const.LOST, 1.0 - 0.5 * (p.h < 0.1))
+        return max(p.noisy, p.lost / const.LITTLE, 1.0 - 0.5 * (p.h < 0.1))
 
     def _declared(self, grid: list[float], good: list[Probe]) -> list[Probe]:
         """A declared inertia is held where the log does not tell it; where narrow windows lose it
@@ -312,7 +304,7 @@ class Width:
             wide = self._undeclared(self.tried)
             if self.sure:
                 return wide
-            self.range = J / 1.4, 1.4 * J
+            self.range = J / const.GROWN, const.GROWN * J
         return good
 
     def _undeclared(self, good: list[Probe]) -> list[Probe]:
@@ -326,7 +318,7 @@ class Width:
             )
             return 1 - p.J / best if best > 0 else 0.0
 
-        good = [p for p in good if p in known and lost(p) < const.LOST]
+        good = [p for p in good if p in known and lost(p) < const.LITTLE]
         self.sure = bool(good and told) and known[-1].J - 2 * known[-1].error < 1.2 * good[0].J
         if self.sure:
             first = good[0]
@@ -362,7 +354,7 @@ def fine_wave(motion: Motion, h: float) -> float:
         part.append(2 * abs(np.mean(r * wave)) ** 2 / power)
         wave = wave * turn
     best = int(np.argmax(part))
-    clear = part[best] > const.FINE_WAVE and part[best] > 20 * np.median(part)
+    clear = part[best] > const.MUCH and part[best] > 20 * np.median(part)
     return float(n[best]) if clear else 0.0
 
 
