@@ -22,7 +22,7 @@ from . import constants as const
 from .constants import LITTLE, MOSTLY, MUCH, ORDERS
 from .decision import Decision
 from .friction import View
-from .last_fit import Interval, LastFit, places
+from .last_fit import LastFit, places
 from .table import Contender
 from .verdict import LONGER, Answer
 
@@ -37,7 +37,6 @@ OF_THE_DRIVE = {
     "viscous": ("w", "Fv", "grease"),
     "offset and unbalance": ("theta", "offset", "run"),
 }
-Term = tuple[str, np.ndarray, float, list[int], tuple[str, ...]]
 
 
 def comparison(made: Answer, least: float, alpha: float) -> Comparison:
@@ -76,9 +75,21 @@ def _friction(last: LastFit) -> float:
 
 def budget(made: Answer, size: float) -> list[Share]:
     """Each term with its RMS along the log, as a share of friction ``size``, largest first."""
-    last = made.last
-    shares = [_share(last, made.interval, size, *term) for term in _terms(last)]
-    shares = [s for s in shares if s.rms > 0]
+    last, d = made.last, made.last.design
+    terms = []  # name, torque in the rows, its RMS along the log, coefficients, signals
+    for name, (on, *parts) in OF_THE_DRIVE.items():
+        torque, at = last.part(*parts), [j for j, n in enumerate(d.names) if n in parts]
+        terms.append((name, torque, rms(torque), at, (on,)))
+    for i, term in enumerate(last.state.terms):
+        along = last.view.rms(last.along(i)[:, None])
+        terms.append((term.key, last.torque[i], along, places(d, i), signals(term.block)))
+    shares = []
+    for name, torque, along, at, on in (term for term in terms if term[2] > 0):
+        slope = d.X[:, at].T @ torque / np.sum(torque**2) * along
+        V = made.interval.coefficients[np.ix_(at, at)]
+        half = Z95 * float(np.sqrt(max(slope @ V @ slope, 0.0)))
+        ends = (max(along - half, 0.0) / size, (along + half) / size) if at else None
+        shares.append(Share(name, along, along / size, ends, on))
     if made.verdict == "unexplained" and made.depends_on:
         shares += _unknown(made, size)
     shares.sort(key=lambda s: -s.rms)
@@ -86,31 +97,6 @@ def budget(made: Answer, size: float) -> list[Share]:
     noise = min(float(np.sqrt(made.view.noise)) * abs(last.values["J"]), left)
     return [*shares, Share("left", left, left / size, None, ()),
             Share("noise", noise, noise / size, None, ())]  # fmt: skip
-
-
-def _terms(last: LastFit) -> Iterator[Term]:
-    """Name, torque in the rows, its RMS along the log, coefficients and signals of each term."""
-    for name, (on, *parts) in OF_THE_DRIVE.items():
-        at = [j for j, n in enumerate(last.design.names) if n in parts]
-        torque = last.part(*parts)
-        yield name, torque, rms(torque), at, (on,)
-    for i, term in enumerate(last.state.terms):
-        at, size = places(last.design, i), last.view.rms(last.along(i)[:, None])
-        yield term.key, last.torque[i], size, at, signals(term.block)
-
-
-def _share(
-    last: LastFit, interval: Interval, friction: float,
-    name: str, torque: np.ndarray, size: float, at: list[int], on: tuple[str, ...],
-) -> Share:  # fmt: skip
-    ends = None
-    if at and size > 0:
-        X = last.design.X[:, at]
-        slope = X.T @ torque / np.sum(torque**2) * size
-        V = interval.coefficients[np.ix_(at, at)]
-        half = Z95 * float(np.sqrt(max(slope @ V @ slope, 0.0)))
-        ends = max(size - half, 0.0) / friction, (size + half) / friction
-    return Share(name, size, size / friction, ends, on)
 
 
 def _unknown(made: Answer, friction: float) -> list[Share]:

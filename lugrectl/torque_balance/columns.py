@@ -155,6 +155,7 @@ def _lanes(block: Block) -> Lanes:
 
 SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs", "+Fv")
 SIGNALS = ("t", "theta", "w", "u", "d", "load")
+OF_THE_DRIVE = ("z", "follows", "coulomb", "level", "viscous", "load")
 
 TINY = np.finfo(float).tiny  # a speed that has a direction at rest
 
@@ -181,6 +182,14 @@ class Along:
     J: float
     values: Mapping[str, float]  # of the plant and its friction law
     d: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, motion: Any, **known: Any) -> Along:
+        """The signals of a motion; what is not known of the drive is 0."""
+        own = ("t", "theta", "w", "acceleration", "path", "pieces", "u")
+        none = dict.fromkeys(OF_THE_DRIVE, np.zeros(len(motion)))
+        made = {k: getattr(motion, k) for k in own}
+        return cls(**{"J": 0.0, "values": {}, **made, **none, **known})
 
     def __len__(self) -> int:
         return len(self.t)

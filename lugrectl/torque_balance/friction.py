@@ -428,14 +428,13 @@ class View:
 
     def along(self, **other: Any) -> Along:
         """The signals of the log for blocks, some of them replaced."""
-        m, zero = self.motion, np.zeros(1)
-        known = {k: getattr(self, k, zero) for k in ("z", "coulomb", "level", "viscous", "load")}
-        made = {
-            "t": m.t, "theta": m.theta, "w": m.w, "acceleration": m.acceleration, "path": m.path,
-            "pieces": m.pieces, "u": self.u, "J": self.J, "values": self.declared,
-            "follows": self.follows(self.x0) if hasattr(self, "x0") else zero, **known,
-        }  # fmt: skip
-        return Along(**{**made, **other})
+        known = {
+            k: getattr(self, k) for k in ("z", "coulomb", "level", "viscous") if hasattr(self, k)
+        }
+        if hasattr(self, "x0"):
+            known["follows"] = self.follows(self.x0)
+        known |= {"u": self.u, "load": self.load, "J": self.J, "values": self.declared}
+        return Along.of(self.motion, **known | other)
 
     def columns(self, block: Block, q: Mapping[str, float]) -> Columns:
         """The columns of an effect along the log."""
@@ -456,15 +455,6 @@ class View:
     def changed(self, block: Block, q: Mapping[str, float]) -> np.ndarray:
         """What an effect on the torque makes of it (n,)."""
         return changed_input(block, q, self.along())
-
-
-def places(motion: Motion) -> Along:
-    """The motion alone, before anything is known of the drive."""
-    none = np.zeros(len(motion))
-    unknown = dict.fromkeys(("z", "follows", "coulomb", "level", "viscous", "load"), none)
-    return Along(t=motion.t, theta=motion.theta, w=motion.w, acceleration=motion.acceleration,
-                 path=motion.path, pieces=motion.pieces, u=motion.u, J=0.0, values={},
-                 **unknown)  # fmt: skip
 
 
 def declared_terms(model: Model, along: Along) -> list[Term]:

@@ -23,8 +23,8 @@ from ..core.errors import Refused
 from ..core.regression import Blocks
 from ..record import Stretch
 from . import constants as const
-from .columns import needs_inertia
-from .friction import View, declared_terms, places
+from .columns import Along, needs_inertia
+from .friction import View, declared_terms
 from .motion import Motion, in_turn
 from .table import errors_of
 from .windows import Rows
@@ -183,7 +183,7 @@ class MapView(View):
     motion: Nodes
 
     def __init__(self, motion: Nodes, model: Model) -> None:
-        terms = declared_terms(model, places(motion))
+        terms = declared_terms(model, Along.of(motion))
         super().__init__(motion, StretchMeans(motion), model, None, terms)
         self.sure, self.signals = False, frozenset({"w", "theta"} if motion.angle else {"w"})
         self.longest_fall = const.TAIL * motion.top
@@ -271,7 +271,7 @@ class MapView(View):
 class Still:
     """What such runs tell of the inertia, as :class:`.windows.Width` says it: nothing."""
 
-    sure = heavy = impossible = against = False
+    sure = impossible = against = False
 
 
 def map_of(stretches: Sequence[Stretch], model: Model) -> MapView:

@@ -570,11 +570,12 @@ class Motion:
     def __len__(self) -> int:
         return len(self.t)
 
-    def _each(self, function: Callable[[SmoothRuns, np.ndarray], np.ndarray], x: np.ndarray):
-        if len(self.runs) == 1:
-            return function(self.main, x)
-        pairs = zip(self.runs, self.at, strict=True)
-        return np.concatenate([function(r, x[at]) for r, at in pairs])
+    def each(self, function: Callable[[np.ndarray, float], np.ndarray], x: np.ndarray):
+        """``function(x, dt)`` of each piece of x (n, ...): nothing looks across a cut."""
+        made = np.zeros(x.shape)
+        for at, dt in self.pieces:
+            made[at] = function(x[at], dt)
+        return made
 
     def held(self, u: np.ndarray) -> np.ndarray:
         """Mean (n,) or (n, k) around each sample of a torque held from each to the next."""
@@ -590,11 +591,11 @@ class Motion:
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         """dx/dt (n,), piece by piece."""
-        return self._each(lambda r, y: r.slope(y), x)
+        return self.each(slope, x)
 
     def bend(self, x: np.ndarray) -> np.ndarray:
         """Second derivative of x (n,), piece by piece."""
-        return self._each(lambda r, y: r.bend(y), x)
+        return self.each(bend, x)
 
     def coarse(self, X: np.ndarray) -> np.ndarray:
         """Values between the samples (k n,) or (k n, m) -> at the samples."""

@@ -8,13 +8,13 @@ a change of the torque itself; anything else by a grid around its default.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from itertools import combinations, product
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from ..blocks.block import Block, P, members
-from ..core.regression import Prior
+from ..core.regression import TINY, Prior
 from . import constants as const
 from .columns import Along, lanes, linear, needs_inertia, of_motion, refused, searched
 from .friction import Seen
@@ -36,33 +36,20 @@ def polish(
     """The largest gain near x (k,), around the tops of parabolas; ``gains`` of points at once."""
     centre, size = np.array(x, float), np.array(step, float)
     one = np.eye(len(centre))
-    both = [a + b for a, b in combinations(one, 2)]
-    around = np.vstack([0 * one[:1], one, -one, *both])
+    around = np.vstack([0 * one[:1], one, -one])
     best, most = centre, -np.inf
     for _ in range(turns):
         made = gains(centre + around * size)
         i = int(np.argmax(made))
         if made[i] > most:
             best, most = centre + around[i] * size, float(made[i])
-        top = _top(around, made)
-        centre = best if top is None else centre + top * size
-        size = size * (1.0 if top is None and i else const.CLOSER)
+        up, down = np.split(made[1:], 2)
+        bend = 2 * made[0] - up - down
+        top = 0.5 * (up - down) / np.maximum(bend, TINY)
+        near = bool(np.all(bend > 0) and np.max(np.abs(top)) < const.FARTHEST)
+        centre = centre + top * size if near else best
+        size = size * (const.CLOSER if near or i == 0 else 1.0)
     return best
-
-
-def _top(around: np.ndarray, values: np.ndarray) -> np.ndarray | None:
-    """Where the parabola through values (m,) at points (m, k) is highest; None if not near."""
-    k = around.shape[1]
-    i, j = np.triu_indices(k)
-    A = np.column_stack([np.ones(len(around)), around, around[:, i] * around[:, j]])
-    b = np.linalg.solve(A, values)
-    H = np.zeros((k, k))
-    H[i, j] += b[k + 1 :]
-    H = H + H.T
-    if np.linalg.eigvalsh(H)[-1] >= 0:
-        return None
-    top = -np.linalg.solve(H, b[1 : k + 1])
-    return top if np.max(np.abs(top)) < const.FARTHEST else None
 
 
 def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -> float:
@@ -432,6 +419,12 @@ class Search:
     def _grid(self, block: Block, p: P, many: int) -> np.ndarray:
         """Values of any parameter, within its bounds."""
         m = self.view.motion
+        # a width, no place; a memory may be as short as a row
+        scales = {
+            "rad": (0.01 * self.span, self.span),
+            "rad/s": (0.003 * m.top, m.top),
+            "s": (self.view.rows.h if block.states else 0.05 * m.duration, 3 * m.duration),
+        }
         if p.choices:
             return np.array(p.choices)
         if p.grid is not None:
@@ -442,15 +435,10 @@ class Search:
             grid = np.r_[ends, m.theta.min() + inner, m.theta.max() - inner]
         elif p.instant:
             grid = m.t.min() + np.linspace(0.04, 0.96, 93) * m.duration
-        elif p.unit == "rad" and p.low >= 0:  # a width, no place
-            grid = self.span * np.geomspace(0.01, 1.0, many)
+        elif p.low >= 0 and p.unit in scales:
+            grid = np.geomspace(*scales[p.unit], many)
         elif p.unit == "rad":
             grid = np.quantile(m.theta, (np.arange(4 * many) + 0.5) / (4 * many))
-        elif p.unit == "rad/s":
-            grid = m.top * np.geomspace(0.003, 1.0, many)
-        elif p.unit == "s":  # a memory may be as short as a row
-            fast = self.view.rows.h if block.states else 0.05 * m.duration
-            grid = np.geomspace(fast, 3 * m.duration, many)
         elif np.isfinite(p.low) and np.isfinite(p.high) and not 0 < 100 * p.low < p.high:
             grid = np.linspace(p.low, p.high, many)
         else:

@@ -29,8 +29,8 @@ from ..core.option_names import option
 from ..core.regression import paired
 from ..record import Stretch
 from . import constants as const
-from .columns import columns, linear, searched
-from .friction import Term, View, declared_terms, places
+from .columns import Along, columns, linear, searched
+from .friction import Term, View, declared_terms
 from .maps import Still, is_map, map_of
 from .motion import Motion, sampled
 from .search import Search, golden
@@ -110,12 +110,11 @@ COASTS = (
 )
 ONE_TORQUE = "u has one value in each direction ({}): with that, any inertia explains the motion."
 TWO = "Record two or more torques in one direction, or declare J."
-OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
-FOLLOWS = "u follows the motion, or has the wrong sign: give {}."
-AGAINST = f"the log contradicts the declared inertia, of which u has nothing: {FOLLOWS}"
-NEGATIVE = f"the inertia comes out negative and there is no friction: {FOLLOWS}"
+OPPOSED = "the torque opposes the motion that it should sustain, at every speed"
+AGAINST = "the log contradicts the declared inertia, of which u has nothing"
+NEGATIVE = "the inertia comes out negative and there is no friction"
+UNTRUE = "{}: u follows the motion, or has the wrong sign: give {}."
 COMMANDED = "Log the commanded torque, positive where it speeds up positive motion."
-TURN = "Check the sign of u; {} reverses it."
 Range = tuple[float, float] | None
 
 
@@ -126,7 +125,7 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, View, Width 
         view = map_of(stretches, model)
         return view, view, Still()
     motion = Motion.of(sampled(stretches))
-    here, width = places(motion), wide_enough(motion, model)
+    here, width = Along.of(motion), wide_enough(motion, model)
     view = View(motion, Rows(motion, width.h), model, width.range, declared_terms(model, here))
     view.sure = width.sure
     few = enough(view, width, stretches)
@@ -147,12 +146,12 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, View, Width 
 
 def wide_enough(motion: Motion, model: Model) -> Width:
     """The windows of a log, and what it tells of the inertia."""
-    known, here = model.known(), places(motion)
+    known, here = model.known(), Along.of(motion)
     turns = motion.span > 2 and model.motion != "linear"
     weight = columns(members("effect")["gravity"], {}, here).wide
     level = motion.theta - motion.theta.mean()
     place = weight if turns and weight is not None else level[:, None]
-    width = Width(motion, Declared(known.get("J"), known.get("Fc"), place, turns))
+    width = Width(motion, Declared(known.get("J"), known.get("Fc"), place))
     J = known.get("J")
     if motion.steady:  # one speed: nothing is learnt of the inertia, nor of lateness
         width.sure, width.impossible = False, False
@@ -181,12 +180,11 @@ def refuse_dead(view: View, width: Width | Still) -> None:
         ways = [m.u[at[side * m.w[at] > 0]] for side in (1, -1)]
         values = [f"{np.median(u):.3g} {unit}" for u in ways if len(u)]
         raise Refused(ONE_TORQUE.format(", ".join(values)), TWO)
-    if view.backward:
-        raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
-    if width.against and not coasts:
-        raise Refused(AGAINST.format(option("scale", "u=-1")), COMMANDED)
-    if width.impossible and not view.declared.get("J"):
-        raise Refused(NEGATIVE.format(option("scale", "u=-1")), COMMANDED)
+    untrue = OPPOSED if view.backward else ""
+    untrue = AGAINST if width.against and not coasts else untrue
+    untrue = NEGATIVE if width.impossible and not view.declared.get("J") else untrue
+    if untrue:
+        raise Refused(UNTRUE.format(untrue, option("scale", "u=-1")), COMMANDED)
 
 
 def one_torque(view: View) -> bool:

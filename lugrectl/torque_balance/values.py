@@ -368,11 +368,7 @@ def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, f
 def _values(last: LastFit, model: Model, sure: bool) -> dict[str, float]:
     """A value for each parameter of the model."""
     known = model.known()
-    plant, law = _plant(last, known, sure), model.friction.block
-    if {"Fs", "vs"} <= law.own.keys() - known.keys() and means_the_same(law):
-        Fs, vs = static_values(last, plant["Fc"], plant["Fv"])
-        if Fs > (1 + const.LITTLE) * plant["Fc"]:  # else the rows do not show it
-            plant["Fs"], plant["vs"] = Fs, vs
+    plant = _plant(last, known, sure)
     own = {k: x for k, x in last.values.items() if "." in k} | plant
     usual = {k: float(p.value or 0.0) for k, p in model.declarations().items()}
     return {k: float(own.get(k, known.get(k, x))) for k, x in usual.items()}
@@ -492,14 +488,6 @@ def law_values(last: LastFit, model: Model) -> dict[str, float]:
     law, known = model.friction.block, model.known()
     keys = [k for k, p in law.own.items() if p.fitted and not (p.choices or k in model.held())]
     return _nearest(last, law, {k: known[k] for k in law.own}, keys) if keys else {}
-
-
-def static_values(last: LastFit, Fc: float, Fv: float) -> tuple[float, float]:
-    """Fs and vs with which the Stribeck curve comes nearest to the friction of a last fit."""
-    law = members("friction")["stribeck"]
-    known = law.defaults() | {"Fc": Fc, "Fv": Fv, "vs": last.state.vs}
-    found = _nearest(last, law, known | {"Fs": const.BEYOND * Fc}, ("Fs", "vs"))
-    return max(found["Fs"], Fc), found["vs"]
 
 
 def _nearest(

@@ -135,7 +135,6 @@ class Declared:
     J: float | None
     Fc: float | None
     place: np.ndarray  # columns (n, k) of gravity, or of a spring
-    weight: bool  # it is gravity
 
 
 class Probe:
@@ -218,11 +217,6 @@ class Probe:
         friction = rms(self._X[:, 1:3] @ b[1:3]) + 1e-12 * self.rms
         work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
         self.drag = float(work / (self.rms * np.mean(w) + 1e-300))
-        place = b[5:]  # gravity that is large, and certain beside everything that is linear
-        chi2 = place @ np.linalg.solve(self._inverse[5:, 5:], place)
-        certain = chi2 / (self._scale**2 * self._memory + 1e-300) > 50
-        large = rms(self._X[:, 5:] @ place) > const.PART * friction
-        self.heavy = self.declared.weight and bool(certain and large)
         self.noisy = self._noise(motion, friction, thin, variance)
 
     def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
@@ -247,7 +241,7 @@ class Width:
 
     ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
     it is free. ``impossible``: the torque follows the motion, or has the wrong sign; ``against``:
-    nothing of the declared inertia is in it. ``heavy``: gravity that is large.
+    nothing of the declared inertia is in it.
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
@@ -276,7 +270,7 @@ class Width:
         p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
             p = next((q for q in self.tried if q.noisy < 3), p)
-        self.h, self.heavy, self.t, self.r = p.h, p.heavy, p.t, p.r
+        self.h, self.t, self.r = p.h, p.t, p.r
 
     def _try(self, grid: list[float], stop: bool) -> None:
         for h in grid:
