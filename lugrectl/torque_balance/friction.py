@@ -12,7 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from ..blocks.friction import along as bristle
 from ..blocks.friction import free_level, level, strokes
 from ..blocks.model import Model
 from ..core.numeric import rms
-from ..core.regression import TINY, Blocks, Prior, robust, spread
+from ..core.regression import TINY, Blocks, Prior, log_density, robust, spread
 from . import constants as const
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
 from .motion import Motion, one_way
@@ -356,32 +357,23 @@ class View:
 
     def choose(self, scale: float | None, beside: Any = None) -> float:
         """Settle bristle length and Stribeck speed, ``beside`` a contender; the residual scale."""
-        lengths, speeds = self.grids()
+        lengths, speeds = (x.tolist() for x in self.grids())
+        if scale is None:
+            base = self.base(lengths[len(lengths) // 2], speeds[len(speeds) // 2])
+            low, high = base.prior.low[0], base.prior.high[0]
+            first = int(low == high > 0)  # a J that is held explains all
+            r, X = self.y - base.X[:, :first] @ np.full(first, low), base.X[:, first:]
+            scale = spread(r - X @ np.linalg.lstsq(X, r, rcond=None)[0])
 
-        @cache
-        def likelihood(i: int, j: int) -> float:
-            nonlocal scale
-            base, y = self.base(lengths[i], speeds[j]), self.y
-            X, prior = base.X, base.prior
+        def likelihood(law: tuple[float, float]) -> float:
+            base = self.base(*law)
+            X, y, prior = base.X, self.y, base.prior
             if beside is not None:
                 X, y, prior = beside.added(self, X, y, prior)
-            if scale is None:
-                first = int(prior.low[0] == prior.high[0] > 0)  # a J that is held explains all
-                r = y - X[:, :first] @ prior.low[:first]
-                r = r - X[:, first:] @ np.linalg.lstsq(X[:, first:], r, rcond=None)[0]
-                scale = spread(r)
             fit = robust(X, y, prior, scale, self.noise, turns=3)
-            return -float(np.sum(np.log1p(fit.r**2 / 4)))
+            return float(np.sum(log_density(fit.r)))
 
-        i, j = len(lengths) // 2, len(speeds) // 2
-        for _ in range(3):
-            old = i, j
-            j = max(range(len(speeds)), key=lambda k: likelihood(i, k))
-            i = max(range(len(lengths)), key=lambda k: likelihood(k, j))
-            if (i, j) == old:
-                break
-        self.set_law(float(lengths[i]), float(speeds[j]))
-        assert scale is not None
+        self.set_law(*max(product(lengths, speeds), key=likelihood))
         return scale
 
     def set_law(self, x0: float, vs: float) -> None:

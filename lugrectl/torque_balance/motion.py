@@ -23,6 +23,7 @@ from scipy import ndimage
 from scipy.linalg import solveh_banded
 
 from ..core.errors import Refused
+from ..core.numeric import rms
 from ..core.regression import TINY, weight
 from ..record import Stretch
 from . import constants as const
@@ -53,6 +54,12 @@ def cubic(x: np.ndarray, v: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray,
     second, third = 3 * rise - 2 * v - after, v + after - 2 * rise
     q, (x, v, second, third) = shares, (y[:, None] for y in (x, v, second, third))
     return x + q * (v + q * (second + q * third)), v + q * (2 * second + 3 * q * third)
+
+
+def bump(half: int) -> np.ndarray:
+    """Weights (2 half + 1,) of a window: smooth, positive, sum 1."""
+    phi = (1 - (np.arange(-half, half + 1) / (half + 1)) ** 2) ** 3
+    return phi / phi.sum()
 
 
 def local_noise(x: np.ndarray, pieces: Sequence[slice], quantile: float) -> float:
@@ -255,8 +262,6 @@ class Sensors:
     def _moved(self, T: float) -> np.ndarray:
         """w(t + T)."""
         assert self.w is not None
-        if not T:
-            return self.w
         steps = -T / self.samples.dt
         if abs(steps - round(steps)) < const.EXACT:
             return self.samples.each(lambda x: moved(x, round(steps)), self.w)
@@ -265,30 +270,30 @@ class Sensors:
     def _reconcile(self) -> None:
         """Fit dtheta/dt = gain w(t + lag) + offset; a w that lags is un-filtered, as shifting would
         leave an error of second order. Beyond three samples it is shifted first."""
+        assert self.theta is not None
         dt = self.samples.dt
         half = max(4, int(const.SLOW / dt))
-        phi = (1 - (np.arange(-half, half + 1) / half) ** 2) ** 3
-        phi /= phi.sum()
+        phi = bump(half)
         dphi = np.gradient(phi) / dt
-        assert self.theta is not None
         turned = self._windows(self.theta, dphi)
         moves = np.abs(turned) > const.AT_REST * np.max(np.abs(turned), initial=0.0)
         if moves.sum() < 8:
             return
-        shift = self._far(turned, phi)
+
+        def columns(T: float) -> np.ndarray:
+            w = self._moved(T)
+            parts = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
+            return np.column_stack(parts)
+
+        shift = self._far(turned, columns)
         for _ in range(3):
-            w = self._moved(shift)
-            columns = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
-            b, weights, scale = robust_line(np.column_stack(columns), turned, moves)
-            rest = b[1] / b[0] if shift else b[1]
-            self.gain, self.lag = (
-                float(b[0]),
-                shift + float(np.clip(rest, -const.SLOW, const.SLOW)),
-            )
+            X = columns(shift)
+            b, weights, scale = robust_line(X, turned, moves)
+            rest = float(np.clip(b[1] / b[0] if shift else b[1], -const.SLOW, const.SLOW))
+            self.gain, self.lag = float(b[0]), shift + rest
             if abs(self.lag) < min(3 * dt, 8e-3):
                 break
-            shift = float(np.clip(self.lag, -0.05, const.VERY_LATE))
-        X = np.column_stack(columns)
+            shift = float(np.clip(self.lag, -const.FAR_W, const.VERY_LATE))
         left = np.mean((turned - X @ b)[moves] ** 2)
         self.foreign = bool(left > const.MOSTLY**2 * np.mean(turned[moves] ** 2))
         if self.foreign:
@@ -299,8 +304,19 @@ class Sensors:
         self.gain_error, self.lag_error, self.offset_error = error.tolist()
         self.offset = -float(b[2]) if abs(b[2]) > 4 * error[2] else 0.0
         if abs(self.lag) > const.FAR_W:  # so late is no filter of one kind
-            self.lag_error = max(self.lag_error, 0.03 * abs(self.lag))
+            self.lag_error = max(self.lag_error, const.FAINT * abs(self.lag))
         self._correct(shift, scale * np.sqrt(0.5 * half) * 0.6)
+
+    def _far(self, turned: np.ndarray, columns: Function) -> float:
+        """How late w is (s) beyond what a filter does, by a grid; 0 where no delay fits clearly."""
+        grid = np.arange(0.0, const.VERY_LATE + 0.5 * const.LATE_STEP, const.LATE_STEP).tolist()
+        lines = [columns(T)[:, ::2] for T in grid if len(turned) >= const.SHORTEST] or [
+            turned[:, None]
+        ]
+        left = [rms(turned - X @ np.linalg.lstsq(X, turned, rcond=None)[0]) for X in lines]
+        best = int(np.argmin(left))
+        clear = grid[best] >= const.FAR_W and left[best] ** 2 < const.MOSTLY * left[0] ** 2
+        return grid[best] if clear else 0.0
 
     def _correct(self, shift: float, left: float) -> None:
         """w without its lag; ``left`` is the noise of a sample that the misfit means."""
@@ -314,23 +330,6 @@ class Sensors:
         if late:
             self.w_variance *= 1 + 0.5 * min((self.lag / dt) ** 2, 50.0)
         self.w_variance = max(self.w_variance, left**2)
-
-    def _far(self, turned: np.ndarray, phi: np.ndarray) -> float:
-        """How late w is (s) beyond what a filter does, by a grid; 0 where no delay fits clearly."""
-        if len(turned) < 40:
-            return 0.0
-        grid = np.arange(0.0, const.VERY_LATE + 0.005, const.LATE_STEP)
-        misfit = []
-        for T in grid:
-            X = np.column_stack([self._windows(self._moved(T), phi), np.ones(len(turned))])
-            r = turned - X @ np.linalg.lstsq(X, turned, rcond=None)[0]
-            misfit.append(float(np.mean(r**2)))
-        best = int(np.argmin(misfit))
-        return (
-            float(grid[best])
-            if grid[best] >= const.FAR_W and misfit[best] < 0.5 * misfit[0]
-            else 0.0
-        )
 
 
 def _alike(x: np.ndarray, y: np.ndarray) -> float:

@@ -21,13 +21,7 @@ from ..core.errors import Refused
 from ..core.numeric import rms
 from ..core.regression import TINY, Prior, normal_equations
 from . import constants as const
-from .motion import Motion, SmoothRuns, robust_line
-
-
-def bump(half: int) -> np.ndarray:
-    """Weights (2 half + 1,) of a window: smooth, positive, sum 1."""
-    phi = (1 - (np.arange(-half, half + 1) / (half + 1)) ** 2) ** 3
-    return phi / phi.sum()
+from .motion import Motion, SmoothRuns, bump, robust_line
 
 
 def centres(pieces: Sequence[slice], reach: int, step: int) -> np.ndarray:
@@ -150,44 +144,34 @@ class Probe:
         direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
         late, none = motion.slope(motion.u), np.ones(len(motion))
         signals = np.column_stack([direction, motion.w, none, late, declared.place])
-        X, y, moves, variance, thin, t = [], [], [], [], [], []
+        X, y, moves, variance, t = [], [], [], [], []
         for run, at in zip(motion.runs, motion.at, strict=True):
-            a, own, K, middle, every = self._windows(run)
+            a, own, K, middle = self._windows(run)
             t.append(motion.elapsed[at][middle])
             X.append(np.column_stack([a, K @ signals[at]]))
             y.append(K @ motion.u[at])
             moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
             variance.append(np.full(len(a), own))
-            thin.append(a[::every])
         moving = np.concatenate(moves)
         self.enough = bool(moving.sum() >= 3 * signals.shape[1] + 3)
         if self.enough:
             noise, self.t = np.concatenate(variance)[moving], np.concatenate(t)[moving]
             self._robust(np.concatenate(X)[moving], np.concatenate(y)[moving], noise)
-            self._judge(motion, np.concatenate(thin), float(noise.mean()))
+            self._judge(motion, float(noise.mean()))
 
     def _windows(self, runs: SmoothRuns) -> tuple:
-        """Acceleration, its noise (variance), the averages and the centres of the windows of one
-        rate, and every how many windows are independent."""
+        """Acceleration by the better channel, its noise (variance), averages and centres of the
+        windows of one rate."""
         samples, s, dt = runs.samples, runs.sensors, runs.dt
         half = half_samples(self.h, dt)
         phi = bump(half)
-        second = np.convolve(phi, [1, -2, 1]) / dt**2
-        first = np.convolve(phi, [0.5, 0, -0.5]) / dt
-        of_theta = s.theta_variance * float(np.sum(second**2))
-        of_w = s.w_variance * float(np.sum(first**2)) if s.w is not None else np.inf
-        if s.filtered:  # a filtered difference of theta tells little more than theta
-            of_w = max(of_w, 0.25 * of_theta)
-        variance = 1 / (1 / of_theta + 1 / of_w)
-        step = max(1, int(0.55 * half))
-        at = centres(samples.pieces, half, step)
+        at = centres(samples.pieces, half, max(1, int(const.OVERLAP * half)))
         K = averages(phi, at, len(samples))
-        a = np.zeros(len(at))
-        if s.theta is not None:
-            a += variance / of_theta * (K @ np.r_[0, np.diff(s.theta, 2), 0]) / dt**2
-        if s.w is not None:
-            a += variance / of_w * (K @ runs.slope(s.w))
-        return a, variance, K, at, max(1, round(half / step))
+        of_theta = s.theta_variance * float(np.sum((np.convolve(phi, [1, -2, 1]) / dt**2) ** 2))
+        of_w = s.w_variance * float(np.sum((np.convolve(phi, [0.5, 0, -0.5]) / dt) ** 2))
+        if s.w is None or s.filtered and 0.25 * of_theta > of_w or of_theta < of_w:
+            return K @ (np.r_[0, np.diff(s.theta, 2), 0] / dt**2), of_theta, K, at
+        return K @ runs.slope(s.w), of_w, K, at
 
     def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
         size = np.sqrt(np.mean(X**2, axis=0)) + TINY
@@ -212,27 +196,18 @@ class Probe:
         c = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
         return 1 + 2 * sum(max(0.0, one) for one in c)
 
-    def _judge(self, motion: Motion, thin: np.ndarray, variance: float) -> None:
+    def _judge(self, motion: Motion, variance: float) -> None:
         b, size, w = self._b, self._size, np.abs(motion.w)
         friction = rms(self._X[:, 1:3] @ b[1:3]) + 1e-12 * self.rms
         work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
-        self.drag = float(work / (self.rms * np.mean(w) + 1e-300))
-        self.noisy = self._noise(motion, friction, thin, variance)
-
-    def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
-        """Noise of J a in a row over what is small enough."""
-        J, known = self.declared.J, self.declared.J is not None
-        if known and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
-            friction = J * self._size[0]
-        small = const.FAINT * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
+        self.drag = float(work / (self.rms * np.mean(w) + TINY))
+        J, Fc = self.declared.J, self.declared.Fc
+        if J is not None and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
+            friction = J * size[0]
+        small = const.FAINT * (Fc or max(friction, 0.1 * np.std(motion.u)))
         if J is None:
-            J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
-        small = max(small, 1e-100)
-        noisy = J * np.sqrt(variance) / small
-        if known and len(thin) > 2:  # what the acceleration itself shows where it is calm
-            calm = np.quantile(np.abs(np.diff(thin, 2)), 0.15) / 0.189 / 2.45
-            noisy = max(noisy, J * calm / (2 * small))
-        return float(noisy)
+            J, small = max(self.J, 0.0), max(small, const.PART * self.residual)
+        self.noisy = float(J * np.sqrt(variance) / max(small, TINY))
 
 
 class Width:
