@@ -20,11 +20,10 @@ from ..estimates.comparison import Compared, Comparison, Detectable, Share
 from ..estimates.findings import Table
 from . import constants as const
 from .constants import LITTLE, MOSTLY, MUCH, ORDERS
-from .decision import Decision
 from .friction import View
 from .last_fit import LastFit, places
 from .table import Contender
-from .verdict import LONGER, Answer
+from .verdict import LONGER, Answer, Decision
 
 POWER = 0.8
 UNJUDGED = (

@@ -261,13 +261,6 @@ def searched(block: Block) -> tuple[str, ...]:
     return tuple(k for k, p in block.own.items() if k not in known and p.fitted and not p.usual)
 
 
-def of_motion(block: Block) -> bool:
-    """Whether its torque is that of the motion alone, whatever friction, loads and inertia are."""
-    alone = {*block.acts} == {"torque"} and {*block.reads} <= {"t", "theta", "w"}
-    shares = any(p.shared for p in block.parameters.values())
-    return alone and not shares and not _jumps(block)
-
-
 def needs_inertia(block: Block) -> bool:
     """Whether an effect means nothing where J is not known: mass, or a sensor's error."""
     of_mass = any(p.unit == "kg m2" for p in block.parameters.values())

@@ -9,12 +9,11 @@ does not (IMITATES).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import product
-from typing import Any, NamedTuple
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +80,7 @@ class Regression:
         most = const.LARGE * self.force / max(rms(column), TINY)
         self.names.append(name)
         self._columns.append(column)
-        self._known.append((1 / min(sd, most) ** 2, centre, low, high))
+        self._known.append(((1 / min(sd, most)) ** 2, centre, low, high))
 
     @cached_property
     def X(self) -> np.ndarray:
@@ -92,21 +91,12 @@ class Regression:
         return Prior(*np.array(self._known).T)
 
 
-class Seen(NamedTuple):
-    """Columns of an effect in the rows (m, k), and the bounds of their coefficients (k,)."""
-
-    rows: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-
 class View:
     """One description of a log, as one regression sees it: motion, windows, a friction law.
 
     ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
-    inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``settled`` what
-    all of these depend on.
+    inertia, ``size`` the RMS friction torque, ``force`` that of all torque.
     """
 
     is_map = False  # runs at steady speeds
@@ -145,8 +135,6 @@ class View:
         self._follows: dict[float, np.ndarray] = {}
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self._in_rows: dict[Any, np.ndarray] = {}
-        self._made: dict[Any, Seen] = {}
-        self._room, self.settled = const.ROOM, b""
 
     def _blocked(self) -> Blocks:
         number = int(
@@ -170,18 +158,9 @@ class View:
         """The same motion and law on some of the rows, by default on all."""
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
-        made.K, made._in_rows, made._made, made._room = made.rows.K, {}, {}, const.ROOM
+        made.K, made._in_rows = made.rows.K, {}
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = made._blocked()
-        return made
-
-    def once(self, key: Any, make: Callable[[], Seen]) -> Seen:
-        """What is known by its key is made once, while there is room for it."""
-        if key in self._made:
-            return self._made[key]
-        made = make()
-        if made.rows.size <= self._room:
-            self._made[key], self._room = made, self._room - made.rows.size
         return made
 
     def seen_of(self, N: np.ndarray) -> np.ndarray:
@@ -359,21 +338,26 @@ class View:
         """Settle bristle length and Stribeck speed, ``beside`` a contender; the residual scale."""
         lengths, speeds = (x.tolist() for x in self.grids())
         if scale is None:
-            base = self.base(lengths[len(lengths) // 2], speeds[len(speeds) // 2])
+            base = self.base(lengths[len(lengths) // 2], speeds[0])
             low, high = base.prior.low[0], base.prior.high[0]
             first = int(low == high > 0)  # a J that is held explains all
             r, X = self.y - base.X[:, :first] @ np.full(first, low), base.X[:, first:]
             scale = spread(r - X @ np.linalg.lstsq(X, r, rcond=None)[0])
 
-        def likelihood(law: tuple[float, float]) -> float:
-            base = self.base(*law)
+        @cache
+        def likelihood(x0: float, vs: float) -> float:
+            base = self.base(x0, vs)
             X, y, prior = base.X, self.y, base.prior
             if beside is not None:
                 X, y, prior = beside.added(self, X, y, prior)
             fit = robust(X, y, prior, scale, self.noise, turns=3)
             return float(np.sum(log_density(fit.r)))
 
-        self.set_law(*max(product(lengths, speeds), key=likelihood))
+        x0 = lengths[len(lengths) // 2]
+        for _ in range(3):
+            vs = max(speeds, key=lambda v: likelihood(x0, v))
+            x0 = max(lengths, key=lambda x: likelihood(x, vs))
+        self.set_law(x0, vs)
         return scale
 
     def set_law(self, x0: float, vs: float) -> None:
@@ -385,11 +369,6 @@ class View:
     # ---- along the log
     def torques(self, b: np.ndarray) -> None:
         """Friction and load along the log from the coefficients of the base."""
-        settled = np.r_[b, self.x0, self.vs].tobytes()
-        if settled != self.settled:  # what depends on another friction makes room
-            old = [key for key in self._made if self.settled in key]
-            self._room += sum(self._made.pop(key).rows.size for key in old)
-            self.settled = settled
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
         self.coulomb = k["Fc"] * self.z + self.law @ near_rest

@@ -271,7 +271,7 @@ class MapView(View):
 class Still:
     """What such runs tell of the inertia, as :class:`.windows.Width` says it: nothing."""
 
-    sure = impossible = against = False
+    sure = heavy = impossible = against = False
 
 
 def map_of(stretches: Sequence[Stretch], model: Model) -> MapView:

@@ -273,7 +273,7 @@ class Sensors:
         assert self.theta is not None
         dt = self.samples.dt
         half = max(4, int(const.SLOW / dt))
-        phi = bump(half)
+        phi = np.pad(bump(half - 1), 1)
         dphi = np.gradient(phi) / dt
         turned = self._windows(self.theta, dphi)
         moves = np.abs(turned) > const.AT_REST * np.max(np.abs(turned), initial=0.0)

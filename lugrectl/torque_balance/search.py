@@ -16,18 +16,12 @@ import numpy as np
 from ..blocks.block import Block, P, members
 from ..core.regression import TINY, Prior
 from . import constants as const
-from .columns import Along, lanes, linear, needs_inertia, of_motion, refused, searched
-from .friction import Seen
+from .columns import Along, lanes, linear, needs_inertia, refused, searched
 from .table import Contender, Table, is_lateness, likeliest
 
 OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of friction: see last_fit
 
 Values = dict[str, float]
-
-
-def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
-    """Sets of values as a key."""
-    return tuple([tuple(values.items()) for values in sets])
 
 
 def polish(
@@ -81,11 +75,6 @@ class Search:
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
-        chosen = [c for c in table.chosen if c.block is not None]
-        self.changed = {
-            "u": tuple((c.name, *kept(c.each)) for c in chosen if c.u is not None),
-            "load": tuple((c.name, *kept(c.each)) for c in chosen if c.block and c.block.load),
-        }
         self.turns = 2 if table.quick and only is None else const.TURNS
         self.few = self._at_rows()
 
@@ -139,21 +128,14 @@ class Search:
             pieces=pieces, level=a.level[at], J=a.J, values=a.values, d=v.K @ v.motion.d, **means,
         )  # fmt: skip
 
-    def _seen(self, block: Block, sets: Sequence[Values], screening: bool = False) -> Seen:
-        """Columns of an effect at each set of values, in the rows (m, k sets); for ``screening`` by
-        the signals at the rows, where it has no memory. What has been made of the same motion,
-        friction and torque is not made again."""
+    def _seen(
+        self, block: Block, sets: Sequence[Values], screening: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Columns of an effect at each set of values, in the rows (m, k sets), and the bounds of
+        their coefficients; for ``screening`` by the signals at the rows, where it has no memory."""
         few = screening and not (block.states or block.exact is not None or self.view.is_map)
-
-        def made() -> Seen:
-            each = lanes(block, sets, self.few if few else self.along)
-            parts = [x for x in (each.wide, each.narrow) if x is not None]
-            rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
-            return Seen(rows, each.low, each.high)
-
-        drive = [] if of_motion(block) else [self.view.settled]
-        drive += [chosen for signal, chosen in self.changed.items() if signal in block.reads]
-        return self.view.once((block.name, few, *kept(sets), *drive), made)
+        each = lanes(block, sets, self.few if few else self.along)
+        return each.torque if few else self.view.in_rows(each), each.low, each.high
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
         """Gain of each set of values."""
@@ -172,8 +154,8 @@ class Search:
         inside = [i for i, q in enumerate(sets)
                   if all(own[k].low <= x <= own[k].high for k, x in q.items())]  # fmt: skip
         if inside:
-            each = lanes(block, [sets[i] for i in inside], self.along)
-            made[inside] = np.nan_to_num(self._gains(block, self.view.in_rows(each)), nan=-1.0)
+            X = self._seen(block, [sets[i] for i in inside])[0]
+            made[inside] = np.nan_to_num(self._gains(block, X), nan=-1.0)
         return made
 
     def _polished(
@@ -240,7 +222,7 @@ class Search:
             N = N[N >= 2]  # a torque of order 1 is gravity
         if not len(N):
             return
-        X = self._seen(block, [{key: n} for n in N], screening=True).rows
+        X = self._seen(block, [{key: n} for n in N], screening=True)[0]
         if not self.view.is_map:  # the middle of a row stands for its window
             X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
         gains = self.table.gains_of_pairs(X)
@@ -398,7 +380,7 @@ class Search:
         return made | ({"gap": float(gap)} if "gap" in keys else {})
 
     def _loads(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
-        return self._gains(block, self._seen(block, sets).rows)
+        return self._gains(block, self._seen(block, sets)[0])
 
     def _of_any(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """A grid of all values, the best of it polished."""
@@ -410,7 +392,7 @@ class Search:
         if self.view.is_map:  # few rows: each is entered, as the screening knows no bounds
             yield from (self._contender(block, q, cost=cost) for q in sets)
             return
-        gains = self._gains(block, np.nan_to_num(self._seen(block, sets, screening=True).rows))
+        gains = self._gains(block, np.nan_to_num(self._seen(block, sets, screening=True)[0]))
         q = sets[int(np.argmax(gains))]
         steps = {k: 0.5 * float(np.gradient(g)[g == q[k]][0]) if len(g) > 1 else 0.1
                  for k, g in zip(keys, grids, strict=True) if not own[k].choices}  # fmt: skip

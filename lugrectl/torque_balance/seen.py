@@ -151,7 +151,7 @@ def wide_enough(motion: Motion, model: Model) -> Width:
     weight = columns(members("effect")["gravity"], {}, here).wide
     level = motion.theta - motion.theta.mean()
     place = weight if turns and weight is not None else level[:, None]
-    width = Width(motion, Declared(known.get("J"), known.get("Fc"), place))
+    width = Width(motion, Declared(known.get("J"), known.get("Fc"), place, turns))
     J = known.get("J")
     if motion.steady:  # one speed: nothing is learnt of the inertia, nor of lateness
         width.sure, width.impossible = False, False

@@ -105,12 +105,15 @@ class Decision:
         if WEIGHT in known or WEIGHT in self.never or self.linear or v.motion.span < 0.8:
             return
         weight = next((c for c in self.named if c.name == WEIGHT), None)
-        if weight is None or weight.gain < const.SURELY or weight.share < const.PART:
+        sure = weight is not None and weight.gain > const.SURELY
+        if not (self.width.heavy or weight is not None and sure and weight.share > const.PART):
             return
-        others, rivals = list[str](), (c for c in self.named if c.name in (OFFSET, "return_spring"))
-        if alike := [c for c in rivals if self.alike(weight, c)]:
-            best, left = self._likeliest([weight, *alike])
-            others = [name for name in (best, *left) if name != WEIGHT]
+        others = list[str]()
+        if weight is not None and sure:
+            rivals = (c for c in self.named if c.name in (OFFSET, "return_spring"))
+            if alike := [c for c in rivals if self.alike(weight, c)]:
+                best, left = self._likeliest([weight, *alike])
+                others = [name for name in (best, *left) if name != WEIGHT]
         term, before = Term(members("effect")[WEIGHT], WEIGHT, {}, np.zeros(2)), table.left * v.size
         v.terms.append(term)
         table.restart()

@@ -129,6 +129,7 @@ class Declared:
     J: float | None
     Fc: float | None
     place: np.ndarray  # columns (n, k) of gravity, or of a spring
+    weight: bool  # it is gravity
 
 
 class Probe:
@@ -201,6 +202,11 @@ class Probe:
         friction = rms(self._X[:, 1:3] @ b[1:3]) + 1e-12 * self.rms
         work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
         self.drag = float(work / (self.rms * np.mean(w) + TINY))
+        place = b[5:]  # gravity that is large, and certain beside everything that is linear
+        chi2 = place @ np.linalg.solve(self._inverse[5:, 5:], place)
+        certain = chi2 / (self._scale**2 * self._memory + TINY) > 50
+        large = rms(self._X[:, 5:] @ place) > const.PART * friction
+        self.heavy = self.declared.weight and bool(certain and large)
         J, Fc = self.declared.J, self.declared.Fc
         if J is not None and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
             friction = J * size[0]
@@ -216,7 +222,7 @@ class Width:
 
     ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
     it is free. ``impossible``: the torque follows the motion, or has the wrong sign; ``against``:
-    nothing of the declared inertia is in it.
+    nothing of the declared inertia is in it. ``heavy``: gravity that is large.
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
@@ -245,7 +251,7 @@ class Width:
         p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
             p = next((q for q in self.tried if q.noisy < 3), p)
-        self.h, self.t, self.r = p.h, p.t, p.r
+        self.h, self.heavy, self.t, self.r = p.h, p.heavy, p.t, p.r
 
     def _try(self, grid: list[float], stop: bool) -> None:
         for h in grid:
