@@ -19,7 +19,7 @@ from ..blocks.block import is_ours, members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
-from ..core.regression import log_density, paired, robust, spread
+from ..core.regression import Prior, log_density, paired, robust, spread
 from ..record import Stretch
 from . import constants as const
 from .columns import refused
@@ -99,30 +99,51 @@ class Decision:
 
     # ---- a load that hides everything else
     def _weight_first(self) -> None:
-        """Gravity so large that nothing else can be seen before it is in the model joins the base,
-        which is settled again with it: where an inertia plays its part, that hides it."""
-        known, v, table = {t.name for t in self.view.terms}, self.view, self.table
-        if WEIGHT in known or WEIGHT in self.never or self.linear or v.motion.span < 0.8:
+        """Gravity so large that nothing else can be seen before it is in the model joins the base;
+        where an inertia plays its part and hides it, the whole base is settled again with it."""
+        known = {t.name for t in self.view.terms}
+        if WEIGHT in known or WEIGHT in self.never or self.linear or self.view.motion.span < 0.8:
             return
         weight = next((c for c in self.named if c.name == WEIGHT), None)
-        sure = weight is not None and weight.gain > const.SURELY
-        if not (self.width.heavy or weight is not None and sure and weight.share > const.PART):
+        if not (self.width.heavy or weight is not None and weight.share > const.PART):
             return
-        others = list[str]()
-        if weight is not None and sure:
+        if weight is None or weight.gain < const.SURELY:
+            if self.width.heavy:
+                self._join(const.ALIKE)
+            return
+        if self.width.heavy or self._beside_the_likeliest(weight):
             rivals = (c for c in self.named if c.name in (OFFSET, "return_spring"))
-            if alike := [c for c in rivals if self.alike(weight, c)]:
-                best, left = self._likeliest([weight, *alike])
-                others = [name for name in (best, *left) if name != WEIGHT]
-        term, before = Term(members("effect")[WEIGHT], WEIGHT, {}, np.zeros(2)), table.left * v.size
+            alike = [c for c in rivals if self.alike(weight, c)]
+            best, left = self._likeliest([weight, *alike]) if alike else (WEIGHT, [])
+            self._join(np.inf)
+            others = [name for name in (best, *left) if name != WEIGHT]
+            self.heavy = {WEIGHT: others} if others else {}
+
+    def _join(self, less: float) -> None:
+        """Gravity becomes part of the base, unless that leaves more than ``less`` of before."""
+        v, table = self.view, self.table
+        before = table.left * v.size
+        term = Term(members("effect")[WEIGHT], WEIGHT, {}, np.zeros(2))
         v.terms.append(term)
         table.restart()
-        if table.left * v.size < const.ALIKE * before:
-            self.joined, self.heavy = [term], {WEIGHT: others} if others else {}
+        if table.left * v.size < less * before:
+            self.joined = [term]
             self._look()
         else:
             v.terms.remove(term)
             table.restart()
+
+    def _beside_the_likeliest(self, weight: Contender) -> bool:
+        """Is it still there beside the likeliest contender, whatever that is?"""
+        top = self.named[0]
+        if weight.gain >= 0.5 * top.gain:
+            return True
+        if top.C is None or weight.C is None:
+            return False
+        C, prior = np.column_stack([top.C, weight.C]), Prior.joined(top.prior, weight.prior)
+        both = self.table.enter(Contender(WEIGHT, {}, top.block, C=C, prior=prior))
+        large = rms(weight.C @ both.b[-2:]) > const.PART * self.view.size
+        return both.gain - top.gain > max(const.SURELY, 0.2 * weight.gain) and large
 
     # ---- what is proven, what is large enough, what is better
     def proven(self, c: Contender, e0: np.ndarray) -> bool:
