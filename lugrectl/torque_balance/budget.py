@@ -42,7 +42,7 @@ def comparison(made: Answer, least: float, alpha: float) -> Comparison:
     """The comparison behind an answer."""
     d = made.decision
     assert d is not None  # there is no comparison without a search
-    friction = _friction(made.last)
+    friction = max(rms(made.last.friction), LITTLE * made.view.force)
     return Comparison(
         made.verdict,
         rows=tuple(_rows(d)),
@@ -65,11 +65,6 @@ def signals(block: Block) -> tuple[str, ...]:
     level = {"Fc", "Fs", "Fv", "+Fc"} & set(block.acts)
     own = [k for k in ("t", *block.inputs) if k != "t" or block.timed]
     return tuple(dict.fromkeys([*own, *(["w"] if level else [])]))
-
-
-def _friction(last: LastFit) -> float:
-    """RMS friction torque of the model that is shown, N m."""
-    return max(rms(last.friction), LITTLE * last.view.force)
 
 
 def budget(made: Answer, size: float) -> list[Share]:

@@ -7,14 +7,10 @@ side:
 
     u = J a + F + columns @ coefficients
 
-An effect is linear in its strength, the distance of its first parameter from the neutral value.
-One with an inertia and a spring is linear in it if the other parameters in N m or kg are scaled
-with it: these count per unit of strength then. A phase or a rest that is declared with ``span``
-is a second column. What else is fitted enters by :func:`slopes`.
-
-Blocks with states are integrated by the engine. Position and speed between the samples are those
-of the cubic through both; u is held by an effect on it, everything else goes in straight lines. A
-step of the states takes the signals of its middle.
+An effect is linear in its strength, the distance of its first parameter from the neutral value;
+with an inertia and a spring, if the other parameters in N m or kg are scaled with it. A phase or a
+rest that is declared with ``span`` is a second column. What else is fitted enters by its slopes.
+Blocks with states are integrated by the engine.
 """
 
 from __future__ import annotations
@@ -70,14 +66,8 @@ def changes(block: Block, results: Sequence[Any], signals: Mapping[str, Any]) ->
 def driven(
     block: Block, sets: Sequence[Mapping[str, float]], signals: Signals, pieces: Pieces
 ) -> list[np.ndarray]:
-    """Changes by each output of a block with states, (n, sets) each; each piece begins where
-    ``Block.start`` says.
-
-    ``signals`` are (n,) arrays of what the block reads, with w beside theta and theta beside w.
-    A value stands for the mean around its sample with triangular weights, so that a torque
-    between the samples is neither early nor late; where u is read by an effect on the input, for
-    the mean over the cell in which u is held.
-    """
+    """Changes by each output of a block with states, (n, sets) each: means around each sample, so
+    that a torque is neither early nor late; where u is held, over the cell in which it is."""
     out = np.zeros((len(block.fresh), len(next(iter(signals.values()))), len(sets)))
     for piece, dt in pieces:
         own = {k: x[piece] for k, x in signals.items()}
@@ -412,9 +402,6 @@ def _usual(block: Block, along: Along) -> dict[str, Any]:
 
 def _completed(block: Block, values: Values, usual: Values) -> dict[str, Any]:
     """The given values, and usual ones of the other parameters."""
-    for key in values:
-        if key not in block.parameters:
-            block.check({key: values[key]})
     return {**usual, **{k: x for k, x in values.items() if x is not None}}
 
 

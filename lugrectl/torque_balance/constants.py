@@ -34,6 +34,7 @@ PARTS, STRANGE = 20, 8  # of a long log, in which effects are searched; those th
 # blocks, rows, samples
 BLOCK = 0.3  # length of the blocks over which two descriptions are compared
 FEWEST_BLOCKS, MOST_BLOCKS = 12, 600
+FEWEST_LEFT_OUT = 15  # of a fit, for an interval
 FEW = 2 * FEWEST_BLOCKS  # independent stretches of motion: fewer leave a comparison uncertain
 PART_TIME, SHORT = 2.0, 30.0  # alternate parts; a log up to twice as long is searched as a whole
 LEAST_ROWS = 30  # rows in which something moves: fewer say nothing
@@ -61,7 +62,7 @@ FINEST_ORDER, ORDERS = 400, 200  # per turn: the finest waves that are looked fo
 
 # friction
 FLOOR = 0.015  # of friction: the least torque that is worth a name; twice for an unknown one
-BACKGROUND = FLOOR / 2  # of friction: what every drive has of an offset, unbalance, warming
+BACKGROUND = 0.007  # of friction: what every drive has of an offset, unbalance, warming
 ALONG = 0.4  # share of it that may follow the acceleration
 TAIL = 0.15  # of top speed: the longest Stribeck tail; a longer one bends like a drag
 GREASE = (0.6, 0.8)  # exponents of the speed that grease may have beside Fv

@@ -184,10 +184,6 @@ class View:
         """Numbers (m,) of the rows that err together; None where the residual says it."""
         return None
 
-    def follows_speed(self, r: np.ndarray) -> bool:
-        """Whether residuals (m,) of runs at steady speeds still depend on the speed."""
-        return False
-
     def scatter(self, r: np.ndarray) -> float:
         """The noise of residuals (m,) that is known without a model, N m."""
         return 0.0
@@ -388,10 +384,7 @@ class View:
 
     def _level(self, k: Mapping[Any, float]) -> np.ndarray:
         """The level of sliding friction (n,), as it is declared where it is."""
-        m, known = self.motion, self.declared
-        if {"Fs", "Fc", "vs"} <= known.keys() and known["Fc"] > 0:
-            scale = max(k["Fc"], 0.3 * rms(self.coulomb))
-            return level(m.w, scale, scale * known["Fs"] / known["Fc"], known["vs"])
+        m = self.motion
         made = k["Fc"] + (k["bump"] + k["bend"] * np.abs(m.w)) * level(m.w, 0.0, 1.0, self.vs)
         for name, v in (("short_tail", 1.5 * self.vs), ("long_tail", self.tail(self.vs))):
             made = made + k[name] * free_level(m.w, 0.0, 1.0, v, 1.0)

@@ -3,13 +3,9 @@ one regression. Every value of an answer comes from it.
 
     u = J a + Fc z + (Fs - Fc) z exp(-|w/vs|^delta) + Fv w + effects + nuisances + residual
 
-What a value is not linear in has a column of slopes, and the fit is repeated at the value that it
-says.
-
-For its intervals blocks are left out; laws that the log does not tell apart count by their
-likelihood; other descriptions of the same drive, a stiffer and a softer motion in wider windows and
-the drive with an alternative in place of a name, count by how far their values lie apart; and no
-sensor is better than SCALE.
+What is not linear has a column of slopes, and the fit is repeated at the value that it says. For
+intervals blocks are left out; laws count by their likelihood, other descriptions of the motion and
+alternatives to a name by how far their values lie apart; and no sensor is better than SCALE.
 """
 
 from __future__ import annotations
@@ -256,11 +252,8 @@ def drifts(block: Block) -> bool:
 
 
 class LastFit:
-    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays.
-
-    ``values`` are all that is reported, by name: J, Fc, Fv, Fs, offset, "Fc + constant", "sum" and
-    "key.parameter" of each effect.
-    """
+    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays; ``values``
+    are all that is reported, by name."""
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
         self.view, self.scale, w = view, scale, None
@@ -322,9 +315,6 @@ class LastFit:
                       terms[n[0]].b[n[1]] if isinstance(n[1], int) else 0.0
                       for n in design.names])  # fmt: skip
         return design.y - design.X @ b
-
-    def score(self, r: np.ndarray) -> float:
-        return float(np.sum(log_density(r)))
 
     def bend(self) -> float:
         """RMS torque of the grease beside Fc, the Stribeck dip and Fv, as a share of friction."""
@@ -447,7 +437,7 @@ class Interval:
         fit, apart = self.last.fit, self.last.view.apart
         if apart is not None:
             return [apart]
-        return memory_blocks(fit.r * fit.w**0.5, const.FEWEST_BLOCKS)
+        return memory_blocks(fit.r * fit.w**0.5, const.FEWEST_LEFT_OUT)
 
     @cached_property
     def kappa(self) -> float:
@@ -458,7 +448,7 @@ class Interval:
     @property
     def likelihood(self) -> float:
         own = const.ONE_MORE * self.kappa if self.last.state.grease else 0.0
-        return self.last.score(self.last.fit.r) - own
+        return float(np.sum(log_density(self.last.fit.r))) - own
 
     @cached_property
     def laws(self) -> list[Law]:
@@ -483,7 +473,8 @@ class Interval:
             prior = d.prior.but(grease, high=np.inf if exponent else 0.0)
             f = robust(X, d.y, prior, last.scale, v.noise, last.fit.w, turns)
             price = const.ONE_MORE * self.kappa if exponent else 0.0
-            made.append(Law(last.score(f.r) - price, f.b, *shapes[j], exponent))
+            score = float(np.sum(log_density(f.r))) - price
+            made.append(Law(score, f.b, *shapes[j], exponent))
 
         for j in range(len(shapes)):
             fit(j, state.grease)

@@ -186,11 +186,8 @@ def _in_turn(stretches: Sequence[Stretch]) -> dict[int, float]:
 
 
 class Sensors:
-    """theta and w of some runs with their noise, a late w corrected.
-
-    ``theta_variance`` and ``w_variance`` are those of white noise, inf where not recorded.
-    ``w`` (n,) is the speed that is used: None where there is none, where it only repeats the
-    encoder, late, where it is too late to say more, and where it is ``foreign``: no speed of theta.
+    """theta and w of some runs with their noise (variances, inf where not recorded), a late w
+    corrected: None where it says no more than theta, or is ``foreign``: no speed of theta.
     ``lag`` (s), ``offset`` (rad/s) and ``gain``, with their standard errors, are those of
 
         dtheta/dt = gain w(t + lag) - offset

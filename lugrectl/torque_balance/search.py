@@ -55,11 +55,9 @@ def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -
 
 
 class Search:
-    """All contenders beside one base; ``tried``: whether they promise something or not.
-
-    ``sure``: the log determines the inertia; else only what does not depend on it is tried.
-    ``memory`` keeps the loads that earlier searches beside other bases found.
-    """
+    """All contenders beside one base; ``tried``: whether they promise something or not. ``sure``:
+    the log determines the inertia; else only what does not depend on it is tried. ``memory`` keeps
+    the loads that earlier searches beside other bases found."""
 
     def __init__(
         self,

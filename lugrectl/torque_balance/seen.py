@@ -1,15 +1,9 @@
 """The log as the table sees it: motion, windows, declared effects with all of their values; of a
 long log parts that are enough.
 
-What the channels have that is none of the drive, u that was logged late, w that is not 0 at rest,
-is a row of the table beside the base; a proven one is undone before anything is asked.
-
-A bus or a filtered current makes u late. The base knows lateness as a slope du/dt, which is true
-for a hold; where that reaches its bound, the column itself is tried earlier. Where w stands alone,
-the place of the step of friction tells its offset.
-
-What rows tell of a model grows with their number, what a search costs, too: beyond some minutes
-more of the same motion decides nothing.
+What the channels have that is none of the drive is a row of the table beside the base; a proven one
+is undone before anything is asked: u that was logged late (where its slope reaches the bound of the
+base, the column is tried earlier), a w without theta that is not 0 at rest, where friction jumps.
 """
 
 from __future__ import annotations

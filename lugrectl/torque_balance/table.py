@@ -1,10 +1,8 @@
 """The table: one base row and one row for each contender, every row a regression of its own.
 
 A row counts by the density of the motion given the torque, block by block under fits that have not
-seen the block: the residual over the inertia, so that what imitates u, and takes the inertia with
-it, gains nothing.
-
-Unknown torques: smooth functions of each set of signals, as rows of the table.
+seen the block: the residual over the inertia, so that what imitates u gains nothing. Unknown
+torques are smooth functions of each set of signals.
 """
 
 from __future__ import annotations
@@ -259,10 +257,6 @@ class Table:
         c.share = rms(tau - X @ np.linalg.lstsq(X, tau, rcond=None)[0]) / v.size
         if c.depends_on:  # beside what a bound of the base holds it may be large: it is not
             c.share = min(c.share, self.stays)
-        J = v.declared.get("J")
-        if c.inertial and J and self.J > const.GROWN * J > c.fit.b[0]:
-            # the inertia that was not declared is its trace as well
-            c.share = max(c.share, rms(c.X[:, -1] * c.fit.b[-1]) / v.size)
 
     def extend(self, c: Contender) -> None:
         """The chosen contender becomes part of the base."""

@@ -448,12 +448,9 @@ LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
 
 @dataclass(eq=False)
 class Answer:
-    """What the torque balance says of a log.
-
-    ``values`` are (value, low, high) by name, with their ``covariance`` over ``interval.names``;
-    ``without`` and ``with_names`` are the errors of held-out rows, ``refitted`` and ``trained``
-    the fits to training rows behind them.
-    """
+    """What the torque balance says of a log: ``values`` (value, low, high) by name, with their
+    ``covariance`` over ``interval.names``; errors of held-out rows ``without`` and ``with_names``,
+    by the fits to training rows ``refitted`` and ``trained``."""
 
     verdict: str
     decision: Decision | None  # None where nothing was searched
@@ -522,18 +519,13 @@ def answer(
     made = _Judge(view, train, test, split, decision, view).answer()
     for key in ("without", "with_names", "refitted", "trained", "declared_error"):
         setattr(made, key, getattr(other, key))
-    if made.verdict != "unexplained" and view.follows_speed(made.last.left):
-        made.verdict, made.depends_on = "unexplained", ["w"]
     return made
 
 
 class _Judge:
-    """The last fit and the errors of held-out rows, until both hold what is named.
-
-    The table has seen training rows only. What it names is fitted to all rows, and struck where
-    that fit does not hold it; the same names fitted to training rows are judged on the others.
-    Of a long log, ``view`` are parts that are enough for this; ``every`` row gives the values.
-    """
+    """The last fit and the errors of held-out rows, until both hold what is named: chosen on
+    training rows, fitted to all, struck where that fit does not hold it, judged on the others. Of a
+    long log, ``view`` are parts that are enough for this; ``every`` row gives the values."""
 
     def __init__(
         self, view: View, train: View, test: View, split: Split, decision: Decision, every: View

@@ -78,13 +78,10 @@ class _Windows:
 
 
 class Rows:
-    """The rows that are used, of windows of half-width ``h`` (s).
-
-    ``K`` (m, n) averages a signal as the motion was averaged, ``narrow`` (m, n) what is linear in
-    the smooth motion. ``t`` (m,) are times from the start, ``w`` the speeds, ``a`` the
-    accelerations, ``shake`` their noise; ``smear`` (between samples) is the speed near which a
-    reversal is blurred, ``reach`` (s) how far a window looks to each side.
-    """
+    """The rows that are used, of windows of half-width ``h`` (s). ``K`` (m, n) averages a signal as
+    the motion was averaged, ``narrow`` what is linear in the smooth motion. ``w``, ``a`` are speeds
+    and accelerations at times ``t`` (m,), ``shake`` their noise; near the speed ``smear`` reversals
+    are blurred; a window looks to each side as far as ``reach`` (s)."""
 
     def __init__(self, motion: Motion, h: float) -> None:
         self.h, total = h, sum(len(r.w) * r.dt for r in motion.runs)
@@ -134,7 +131,6 @@ class Declared:
 
 class Probe:
     """A quick robust balance in windows of half-width ``h`` (s): what it says of the inertia.
-
     ``J`` with its standard ``error``, ``lost`` the share of it that noise takes away, ``noisy`` the
     noise of J a over what is small enough, ``left`` the residual over all torque, ``drag`` the
     share of the torque by which friction opposes the motion, ``r`` (m,) the residuals at ``t`` (s).
@@ -161,18 +157,24 @@ class Probe:
             self._judge(motion, float(noise.mean()))
 
     def _windows(self, runs: SmoothRuns) -> tuple:
-        """Acceleration by the better channel, its noise (variance), averages and centres of the
-        windows of one rate."""
+        """Acceleration, its noise (variance), averages and centres of the windows of one rate."""
         samples, s, dt = runs.samples, runs.sensors, runs.dt
         half = half_samples(self.h, dt)
         phi = bump(half)
         at = centres(samples.pieces, half, max(1, int(const.OVERLAP * half)))
         K = averages(phi, at, len(samples))
         of_theta = s.theta_variance * float(np.sum((np.convolve(phi, [1, -2, 1]) / dt**2) ** 2))
-        of_w = s.w_variance * float(np.sum((np.convolve(phi, [0.5, 0, -0.5]) / dt) ** 2))
-        if s.w is None or s.filtered and 0.25 * of_theta > of_w or of_theta < of_w:
-            return K @ (np.r_[0, np.diff(s.theta, 2), 0] / dt**2), of_theta, K, at
-        return K @ runs.slope(s.w), of_w, K, at
+        of_w = np.inf
+        if s.w is not None:  # a filtered difference of theta tells little more than theta
+            of_w = s.w_variance * float(np.sum((np.convolve(phi, [0.5, 0, -0.5]) / dt) ** 2))
+            of_w = max(of_w, 0.25 * of_theta) if s.filtered else of_w
+        variance = 1 / (1 / of_theta + 1 / of_w)
+        a = np.zeros(len(at))
+        if s.theta is not None:
+            a += variance / of_theta * (K @ np.r_[0, np.diff(s.theta, 2), 0]) / dt**2
+        if s.w is not None:
+            a += variance / of_w * (K @ runs.slope(s.w))
+        return a, variance, K, at
 
     def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
         size = np.sqrt(np.mean(X**2, axis=0)) + TINY
@@ -218,11 +220,9 @@ class Probe:
 
 class Width:
     """The narrowest windows that will do: ``h`` (s), with the residuals ``r`` (m,) of a plain
-    balance at ``t`` (s).
-
-    ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
-    it is free. ``impossible``: the torque follows the motion, or has the wrong sign; ``against``:
-    nothing of the declared inertia is in it. ``heavy``: gravity that is large.
+    balance at ``t`` (s). ``sure``: the log determines the inertia; ``range``: what it must lie in,
+    None where it is free; ``impossible``: the torque follows the motion, or has the wrong sign;
+    ``against``: nothing of the declared inertia is in it; ``heavy``: gravity that is large.
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
@@ -248,7 +248,7 @@ class Width:
             p.left < const.LITTLE and p.J < 3 * p.error and p.J + 3 * p.error < least
             for p in self.tried
         )
-        p = good[0] if good else min(self.tried, key=self._cost)
+        p = good[0] if good else min(self.tried, key=lambda q: max(q.noisy, q.lost / const.LITTLE))
         if not self.sure:  # waves over the angle want narrow windows
             p = next((q for q in self.tried if q.noisy < 3), p)
         self.h, self.heavy, self.t, self.r = p.h, p.heavy, p.t, p.r
@@ -264,9 +264,6 @@ class Width:
 
     def _calm(self, p: Probe) -> bool:
         return p.noisy < 1 or self.declared.J is not None and p.h > const.SLOW
-
-    def _cost(self, p: Probe) -> float:
-        return max(p.noisy, p.lost / const.LITTLE, 1.0 - 0.5 * (p.h < 0.1))
 
     def _declared(self, grid: list[float], good: list[Probe]) -> list[Probe]:
         """A declared inertia is held where the log does not tell it; where narrow windows lose it
