@@ -252,8 +252,8 @@ def drifts(block: Block) -> bool:
 
 
 class LastFit:
-    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays; ``values``
-    are all that is reported, by name."""
+    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays: ``values``
+    has all that is reported."""
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
         self.view, self.scale, w = view, scale, None
