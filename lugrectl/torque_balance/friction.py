@@ -92,12 +92,10 @@ class Regression:
 
 
 class View:
-    """One description of a log, as one regression sees it: motion, windows, a friction law.
-
-    ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
-    ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
-    inertia, ``size`` the RMS friction torque, ``force`` that of all torque.
-    """
+    """One description of a log, as one regression sees it: motion, windows, a friction law. ``u``
+    (n,) is the torque after the drive's own effects on it, ``z``, ``coulomb``, ``viscous``,
+    ``level``, ``load`` (n,) what effects scale; ``size`` and ``force`` are the RMS of friction and
+    of all torque."""
 
     is_map = False  # runs at steady speeds
     backward = False  # friction would drive all of them

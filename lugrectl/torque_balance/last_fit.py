@@ -252,8 +252,8 @@ def drifts(block: Block) -> bool:
 
 
 class LastFit:
-    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays: ``values``
-    has all that is reported."""
+    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays.
+    ``values`` has all that is reported."""
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
         self.view, self.scale, w = view, scale, None
@@ -508,9 +508,7 @@ class Interval:
 
     @cached_property
     def _little(self) -> np.ndarray:
-        """Of each coefficient (k,), the standard deviation by what every drive has a little of: a
-        torque of the same kind as what is named, friction of another warmth, and an inertia of
-        another motor's constant."""
+        """Of each coefficient (k,), the standard deviation by what every drive has a little of."""
         last, d, b = self.last, self.last.design, self.last.fit.b
         at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
         level = max(abs(float(b[at["Fc"]])), 0.1 * rms(d.y))

@@ -1,7 +1,6 @@
 """The motion of a log, smoothed once: as far as the noise of its channels asks.
 
-From the sound samples as they were read, by what the channels are worth: their noise, and how late
-w is against theta. Of each rate, theta and w are fitted by penalised least squares,
+Of each rate, theta and w are fitted by penalised least squares, by what the channels are worth,
 
     sum (theta - x)^2 / V_theta + sum (w - dx/dt)^2 / V_w + stiffness sum (d3 x)^2 / V_theta
 

@@ -106,12 +106,9 @@ class Contender:
 
 
 class Table:
-    """The base as it stands (the declared model and what was chosen) and scores beside it.
-
-    ``quick`` is the first pass, in which fits are scored on the rows that they have seen. ``e``
-    (blocks,) is the score of the base, ``left`` the share of friction that it does not explain. A
-    given ``scale`` of the residual says that friction's shape is settled already.
-    """
+    """The base as it stands (the declared model and what was chosen) and scores beside it: ``e``
+    (blocks,) is its score, on rows that fits have seen in the ``quick`` first pass, ``left`` what
+    it does not explain. A given ``scale`` says that friction's shape is settled already."""
 
     def __init__(self, view: View, scale: float | None = None) -> None:
         self.view = view
@@ -268,9 +265,6 @@ class Table:
         self.chosen.append(c)
         self.settle()
 
-    def mark(self) -> tuple[Any, ...]:
-        return self.X, self.y, self.prior, self.view.u
-
     def back(self, mark: tuple[Any, ...]) -> None:
         """The base as it was before anything was chosen."""
         if self.chosen:
@@ -356,8 +350,9 @@ class Unknown:
         size = max(np.quantile(np.abs(u), 0.995), 0.1 * np.abs(u).max(), TINY)
         of_u = spline(0.5 + 0.5 * np.clip(u / size, -1, 1), 12)
         friction = np.column_stack([v.z, m.w / m.top])
+        of_u = of_u[:, np.mean(of_u > 0.05, axis=0) > 0.02]  # one that is rare is u elsewhere
         if self.sure:  # without J any function of u is u
-            yield ("u",), [K @ without_line(often(of_u), u)]
+            yield ("u",), [K @ without_line(of_u, u)]
         here = [K @ (v.z[:, None] * place) for place in self.places]
         yield ("theta", "w"), [*here, self.mixed]
         yield ("t", "w"), [K @ product(self.times, friction)]
@@ -417,8 +412,3 @@ def without_line(X: np.ndarray, u: np.ndarray) -> np.ndarray:
     """X without what 1 and u explain of it."""
     A = np.column_stack([np.ones(len(u)), u])
     return X - A @ np.linalg.lstsq(A, X, rcond=None)[0]
-
-
-def often(X: np.ndarray) -> np.ndarray:
-    """Columns that are not zero on 2 % of the samples: without u, a rare one is u elsewhere."""
-    return X[:, np.mean(X > 0.05, axis=0) > 0.02]

@@ -314,7 +314,9 @@ class ModelValues:
             if key in made and not made[key].held:
                 made[key] = replace(made[key], ci95=None, together=text)
         kept = [i for i, k in enumerate(self.joint.names) if made[k].ci95 is not None]
-        return replace(self, estimates=made, joint=_only(self.joint, kept))
+        names, j = tuple(self.joint.names[i] for i in kept), self.joint
+        joint = Joint(names, j.values[kept], j.matrix[np.ix_(kept, kept)], j.positive[kept])
+        return replace(self, estimates=made, joint=joint)
 
     def told(self, declared: Model) -> ModelValues:
         """The same without values that neither the log nor a declaration gives."""
@@ -326,9 +328,8 @@ class ModelValues:
 
 
 def completed(last: LastFit, model: Model, sure: bool, parts: Collection[str] = ()) -> Model:
-    """The declared model and the effects of a last fit, at its values; a declared J stays unless
-    the log is ``sure`` of another one. ``parts`` are effects that the declared law of friction does
-    not have."""
+    """The declared model, the effects of a last fit and ``parts`` of friction that the law has not,
+    at its values; a declared J stays unless the log is ``sure`` of another one."""
     made = model
     for term in last.state.named:
         values = {k: last.values.get(f"{term.key}.{k}") for k in term.block.own}
@@ -416,12 +417,6 @@ def _told(answer: Answer, model: Model) -> dict[str, str]:
     return made
 
 
-def _only(joint: Joint, at: Sequence[int]) -> Joint:
-    """The distribution of some of the values."""
-    names = tuple(joint.names[i] for i in at)
-    return Joint(names, joint.values[at], joint.matrix[np.ix_(at, at)], joint.positive[at])
-
-
 def with_scale(joint: Joint) -> Joint:
     """The same with the errors of sensors: none is better than SCALE of a value."""
     own = [const.SCALE * x * (k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE)
@@ -465,16 +460,11 @@ def misfit(last: LastFit, model: Model) -> float:
 
 def law_values(last: LastFit, model: Model) -> dict[str, float]:
     """The values of an own law with which it comes nearest to a last fit; held ones stay."""
-    law, known = model.friction.block, model.known()
-    keys = [k for k, p in law.own.items() if p.fitted and not (p.choices or k in model.held())]
-    return _nearest(last, law, {k: known[k] for k in law.own}, keys) if keys else {}
-
-
-def _nearest(
-    last: LastFit, law: Block, known: Mapping[str, float], keys: Sequence[str]
-) -> dict[str, float]:
-    """The values of a law; ``keys`` are free, and start at the known ones."""
-    v, own, target = last.view, law.own, last.friction + last.left
+    law, v, own = model.friction.block, last.view, model.friction.block.own
+    known, target = {k: model.known()[k] for k in own}, last.friction + last.left
+    keys = [k for k, p in own.items() if p.fitted and not (p.choices or k in model.held())]
+    if not keys:
+        return {}
     along = v.along()
     start = np.array([known[k] or own[k].value or 1e-3 for k in keys])
     ends = np.array([(own[k].low, own[k].high) for k in keys]).T

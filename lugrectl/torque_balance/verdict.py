@@ -49,9 +49,7 @@ SHAPES = {"stribeck": ("bump", "short_tail", "long_tail"), "presliding": ()}
 
 class Decision:
     """``verdict``, ``table.chosen`` (the likeliest first), ``alternatives`` to each by name,
-    ``depends_on`` of an unknown torque; ``named``, ``unknown`` are the rows of the table beside
-    the base. ``least`` is the smallest share of friction that is worth a name.
-    """
+    ``depends_on`` of an unknown torque; ``named``, ``unknown`` are the rows of the table."""
 
     def __init__(
         self,
@@ -79,7 +77,8 @@ class Decision:
         table.richest(self.named, self.unknown)
         self._look()
         self.e0, self.left, self.rest = table.e, table.left, table.rest
-        self.before, self.free_of_base = table.mark(), int(table.fit.free.sum())
+        self.before = table.X, table.y, table.prior, self.view.u
+        self.free_of_base = int(table.fit.free.sum())
         self.decide(frozenset())
 
     def _search(self) -> Search:

@@ -1,9 +1,8 @@
 """Rows of the weak form: smooth windows over the log, as narrow as the noise allows.
 
-Every signal x(t) becomes means K x over windows; those of the torque are also sent through what
-the smoothing did to the motion. Errors in the acceleration take inertia away, and less so in wider
-windows. Where no inertia is declared, windows are as narrow as those that agree on it with wider
-ones.
+Every signal x(t) becomes means K x over windows; the torque is also sent through what the smoothing
+did to the motion. Errors in the acceleration take inertia away, less so in wider windows: where it
+is not declared, windows are as narrow as those that agree on it with wider ones.
 """
 
 from __future__ import annotations
@@ -39,16 +38,11 @@ def averages(kernel: np.ndarray, at: np.ndarray, n: int) -> csr_matrix:
     return csr_matrix((np.tile(kernel, len(at)), columns, ends), (len(at), n))
 
 
-def half_samples(h: float, dt: float) -> int:
-    """Half-width in samples of a window of half-width h (s)."""
-    return max(2, int(round(h / dt)))
-
-
 class _Windows:
     """The windows of the runs of one rate."""
 
     def __init__(self, runs: SmoothRuns, h: float, top: float, sparser: int = 1) -> None:
-        samples, n, half = runs.samples, len(runs.samples), half_samples(h, runs.dt)
+        samples, n, half = runs.samples, len(runs.samples), max(2, round(h / runs.dt))
         phi, soft = bump(half), len(runs.pulse) > 3
         kernel = np.convolve(phi, runs.pulse) if soft else phi
         width = max(half, 0.8 * 3.53 * runs.spread) if soft else half
@@ -159,7 +153,7 @@ class Probe:
     def _windows(self, runs: SmoothRuns) -> tuple:
         """Acceleration, its noise (variance), averages and centres of the windows of one rate."""
         samples, s, dt = runs.samples, runs.sensors, runs.dt
-        half = half_samples(self.h, dt)
+        half = max(2, round(self.h / dt))
         phi = bump(half)
         at = centres(samples.pieces, half, max(1, int(const.OVERLAP * half)))
         K = averages(phi, at, len(samples))
