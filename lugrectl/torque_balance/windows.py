@@ -135,7 +135,7 @@ class Probe:
         direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
         late, none = motion.slope(motion.u), np.ones(len(motion))
         signals = np.column_stack([direction, motion.w, none, late, declared.place])
-        X, y, moves, variance, t = [], [], [], [], []
+        X, y, moves, variance, thin, t = [], [], [], [], [], []
         for run, at in zip(motion.runs, motion.at, strict=True):
             a, own, K, middle = self._windows(run)
             t.append(motion.elapsed[at][middle])
@@ -143,12 +143,13 @@ class Probe:
             y.append(K @ motion.u[at])
             moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
             variance.append(np.full(len(a), own))
+            thin.append(a[::2])  # windows that share no sample
         moving = np.concatenate(moves)
         self.enough = bool(moving.sum() >= 3 * signals.shape[1] + 3)
         if self.enough:
             noise, self.t = np.concatenate(variance)[moving], np.concatenate(t)[moving]
             self._robust(np.concatenate(X)[moving], np.concatenate(y)[moving], noise)
-            self._judge(motion, float(noise.mean()))
+            self._judge(motion, float(noise.mean()), np.concatenate(thin))
 
     def _windows(self, runs: SmoothRuns) -> tuple:
         """Acceleration, its noise (variance), averages and centres of the windows of one rate."""
@@ -193,7 +194,7 @@ class Probe:
         c = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
         return 1 + 2 * sum(max(0.0, one) for one in c)
 
-    def _judge(self, motion: Motion, variance: float) -> None:
+    def _judge(self, motion: Motion, variance: float, thin: np.ndarray) -> None:
         b, size, w = self._b, self._size, np.abs(motion.w)
         friction = rms(self._X[:, 1:3] @ b[1:3]) + 1e-12 * self.rms
         work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
@@ -209,7 +210,11 @@ class Probe:
         small = const.FAINT * (Fc or max(friction, 0.1 * np.std(motion.u)))
         if J is None:
             J, small = max(self.J, 0.0), max(small, const.PART * self.residual)
-        self.noisy = float(J * np.sqrt(variance) / max(small, TINY))
+        noise = np.sqrt(variance)
+        if self.declared.J is not None and len(thin) > 2:  # what is shown where it is calm
+            calm = np.quantile(np.abs(np.diff(thin, 2)), 0.15) / 0.189 / 2.45
+            noise = max(noise, 0.5 * calm)
+        self.noisy = float(J * noise / max(small, TINY))
 
 
 class Width:
