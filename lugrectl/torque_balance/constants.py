@@ -89,7 +89,8 @@ CLOSER, FARTHEST = 0.35, 1.5  # steps of a polish: over the last ones; how far a
 TURNS = 4  # of a polish, two more in one dimension; two in the first pass, or where it is known
 GOLDEN = 0.6180339887  # of a period: parts at equal distances take one frequency for another
 MOST_EVALUATIONS, FURTHEST_LOG = 60, 7.0  # evaluations; natural logarithm of a factor on a value
-OFFSETS = np.geomspace(1e-3, 0.1, 11)  # of top speed, that are tried
+OFFSETS = np.geomspace(1e-3, 0.1, 21)  # of top speed, that are tried
+CURVE = 0.02  # of top speed: the Stribeck speed beside them
 
 # runs at steady speeds
 LEAST_RUNS = 4

@@ -17,10 +17,11 @@ import numpy as np
 
 from ..blocks.block import members, unit_for
 from ..blocks.declared_values import Stated
+from ..blocks.friction import free_level
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
-from ..core.regression import paired
+from ..core.regression import Prior, log_density, paired, robust
 from ..record import Stretch
 from . import constants as const
 from .columns import Along, columns, linear, searched
@@ -62,9 +63,26 @@ def logged_late(view: View, table: Table) -> float:
 def speed_offset(view: View, table: Table) -> tuple[float, float]:
     """How much (rad/s) a w without theta is above the speed, with its standard error; 0 where no
     such row is proven."""
-    m, none = view.motion, (0.0, 0.0)
+    m, v = view.motion, view
     if any(r.sensors.theta is not None for r in m.runs):
-        return none
+        return 0.0, 0.0
+    X = np.column_stack([v.rows.a, v.late, v.K @ np.column_stack([m.w, np.ones(len(m))])])
+    blurred = max(const.AT_REST * m.top, m.sensors.w_variance**0.5)
+
+    @lru_cache
+    def promise(offset: float) -> float:
+        w = m.w - offset
+        way = np.tanh(w / blurred)
+        law = np.column_stack([way, way * free_level(w, 0.0, 1.0, const.CURVE * m.top, 1.0)])
+        both = np.column_stack([X, v.K @ law])
+        r = robust(both, v.y, Prior.free(both.shape[1]), table.scale).r
+        return float(np.sum(log_density(r)))
+
+    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
+    i = int(np.argmax([promise(x) for x in grid]))
+    best = golden(promise, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
+    if promise(best) - promise(0.0) < const.SCREEN:
+        return 0.0, 0.0
 
     @lru_cache
     def scores(offset: float) -> np.ndarray:
@@ -73,20 +91,18 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
     def total(offset: float) -> float:
         return float(scores(offset).sum())
 
-    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
-    i = int(np.argmax([total(x) for x in grid.tolist()]))
-    best = golden(total, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], 11)
+    best = golden(total, 0.5 * best, 1.5 * best, 11)
     e = scores(best) - np.log(len(grid)) / len(table.e)
-    if grid[i] == 0.0 or not proven(*paired(e, table.e)):
-        return none
+    if not proven(*paired(e, table.e)):
+        return 0.0, 0.0
     step = const.NEAR * abs(best)
     up, down = scores(best + step), scores(best - step)
     bend = float(np.sum(2 * scores(best) - up - down)) / step**2
-    error = abs(best)
-    if bend > 0:  # by what the blocks say alone
-        error = const.WHOLE * float(np.linalg.norm(up - down)) / (2 * step * bend)
-    slow = max(const.AT_REST * m.top, m.sensors.w_variance**0.5)
-    return best, float(np.hypot(error, slow / np.sqrt(12.0)))  # slower is rest
+    error = (
+        const.WHOLE * np.linalg.norm(up - down) / (2 * step * bend)
+    )  # by what the blocks say alone
+    error = float(error) if bend > 0 else abs(best)
+    return best, float(np.hypot(error, blurred / np.sqrt(12.0)))  # slower is rest
 
 
 def as_acted(stretches: Sequence[Stretch], late: float, above: float) -> list[Stretch]:

@@ -300,7 +300,8 @@ class Table:
         """Scale of the residual, and weights, as a fit without the row would leave it."""
         most = const.CLIP * spread(r)
         r = np.clip(r, -most, most)
-        scale = 1.38 * float(np.median(np.abs(r))) + TINY
+        wider = np.sqrt(1 + min(0.5, X.shape[1] / len(r)))
+        scale = 1.38 * float(np.median(np.abs(r))) * wider + TINY
         w = weight(r / scale)
         G, _ = normal_equations(X, r, w, prior, scale, 0.0)
         lever = np.einsum("ij,ij->i", X, np.linalg.solve(G, X.T).T) * w

@@ -189,10 +189,11 @@ def friction_curve(last: LastFit) -> list[CurvePoint]:
         ways = [order[side * w[order] > 0] for side in (-1.0, 1.0)]
         parts = [part for own in ways if len(own) >= 2 * const.BINS
                  for part in np.array_split(own, const.BINS)]  # fmt: skip
+    shared = rms(np.array([np.mean(r[part]) for part in parts] or [0.0]))  # of a run, or a bin
     for part in parts:
-        own, x = r[part], float(np.mean(torque[part]))
-        error = np.hypot(np.std(own) / np.sqrt(max(len(part) / 4, 1.0)), np.mean(own))
-        ends = x - Z95 * float(error), x + Z95 * float(error)
+        x = float(np.mean(torque[part]))
+        error = float(np.hypot(np.std(r[part]) / np.sqrt(max(len(part) / 4, 1.0)), shared))
+        ends = x - Z95 * error, x + Z95 * error
         made.append(CurvePoint(float(np.mean(w[part])), x, ends, len(part)))
     return sorted(made, key=lambda p: p.w)
 
