@@ -284,7 +284,7 @@ class Sensors:
         shift = self._far(turned, columns)
         for _ in range(3):
             X = columns(shift)
-            b, weights, scale = robust_line(X, turned, moves)
+            b, weights, scale = _robust_line(X, turned, moves)
             rest = float(np.clip(b[1] / b[0] if shift else b[1], -const.SLOW, const.SLOW))
             self.gain, self.lag = float(b[0]), shift + rest
             if abs(self.lag) < min(3 * dt, 8e-3):
@@ -339,8 +339,8 @@ def moved(x: np.ndarray, steps: int) -> np.ndarray:
     return x[np.clip(np.arange(len(x)) - steps, 0, len(x) - 1)]
 
 
-def robust_line(
-    X: np.ndarray, y: np.ndarray, moves: Any = slice(None)
+def _robust_line(
+    X: np.ndarray, y: np.ndarray, moves: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Coefficients, weights and scale of a robust line; rows that rest say nothing of scale."""
     weights = np.ones(len(y))

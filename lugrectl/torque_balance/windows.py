@@ -18,9 +18,9 @@ from scipy.sparse import block_diag, csr_matrix
 
 from ..core.errors import Refused
 from ..core.numeric import rms
-from ..core.regression import TINY, Prior, normal_equations
+from ..core.regression import TINY, Prior, normal_equations, robust, weight
 from . import constants as const
-from .motion import Motion, SmoothRuns, bump, robust_line
+from .motion import Motion, SmoothRuns, bump
 
 
 def centres(pieces: Sequence[slice], reach: int, step: int) -> np.ndarray:
@@ -172,11 +172,15 @@ class Probe:
         return a, variance, K, at
 
     def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
-        size = np.sqrt(np.mean(X**2, axis=0)) + TINY
-        X = X / size
-        self._b, k, self._scale = robust_line(X, y)
-        self._X, self._size, self.r = X, size, y - X @ self._b
-        G, _ = normal_equations(X, y, k, Prior.free(len(size)), self._scale, 0.0)
+        k, size, scale = np.ones(len(y)), np.sqrt(np.mean(X**2, axis=0)) + TINY, 1.0
+        X, prior = X / size, Prior.free(len(size))
+        for _ in range(6):
+            fit = robust(X, y, prior, scale, 0.0, k, 1)
+            r = fit.r * scale
+            scale = 1.5 * float(np.median(np.abs(r))) + TINY
+            k = weight(r / scale)
+        self._X, self._b, self.r, self._scale, self._size = X, fit.b, r, scale, size
+        G, _ = normal_equations(X, y, k, prior, scale, 0.0)
         self._inverse = np.linalg.inv(G)
         self.rms = rms(y) + TINY
         told = self._inverse[0, 0] / size[0] ** 2
@@ -247,7 +251,7 @@ class Width:
             p.left < const.LITTLE and p.J < 3 * p.error and p.J + 3 * p.error < least
             for p in self.tried
         )
-        p = good[0] if good else min(self.tried, key=lambda q: max(q.noisy, q.lost / const.LITTLE))
+        p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
             p = next((q for q in self.tried if q.noisy < 3), p)
         self.h, self.heavy, self.t, self.r = p.h, p.heavy, p.t, p.r
@@ -263,6 +267,9 @@ class Width:
 
     def _calm(self, p: Probe) -> bool:
         return p.noisy < 1 or self.declared.J is not None and p.h > const.SLOW
+
+    def _cost(self, p: Probe) -> float:
+        return max(p.noisy, p.lost / const.LITTLE, 1.0 - 0.5 * (p.h < 0.1))
 
     def _declared(self, grid: list[float], good: list[Probe]) -> list[Probe]:
         """A declared inertia is held where the log does not tell it; where narrow windows lose it
