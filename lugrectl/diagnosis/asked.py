@@ -27,8 +27,7 @@ from ..record.files.readers import MODEL, SUFFIXES
 from ..torque_balance.bench_tests import bench_tests
 from ..torque_balance.constants import ALPHA, FLOOR
 from ..torque_balance.maps import is_map
-from ..torque_balance.model_values import means_the_same, misfit
-from ..torque_balance.plain import base_row
+from ..torque_balance.values import base_row, means_the_same, misfit
 from ..torque_balance.verdict import Answer
 
 LIMIT = 270.0  # s that the answer may take

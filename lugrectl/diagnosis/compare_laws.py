@@ -23,8 +23,7 @@ from ..core.result import ComparedRows, Fields, library, picked, plain
 from ..core.validation import shown
 from ..engine.backend import each_beside
 from ..torque_balance.constants import ALPHA, SCALE
-from ..torque_balance.model_values import completed, model_values
-from ..torque_balance.plain import alone
+from ..torque_balance.values import alone, completed, model_values
 from .asked import Asked, settings
 from .simulation import Prepared, as_it_acts, errors, fitted, loglik, polished, ready_of
 

@@ -21,13 +21,11 @@ from ..core.provenance import stamped
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap
 from ..estimates.fitted import Belief, Fitted
 from ..record import Stretch, stretches
-from ..torque_balance.budget import comparison, refuse_unjudged, signals
+from ..torque_balance.budget import comparison, refuse_unjudged, signals, tabulated
 from ..torque_balance.constants import ALPHA, FLOOR
 from ..torque_balance.last_fit import Design, LastFit
 from ..torque_balance.maps import MapView, Nodes, Run, is_map
-from ..torque_balance.model_values import completed, model_values
-from ..torque_balance.plain import alone, plain_balance
-from ..torque_balance.tabulated import tabulated
+from ..torque_balance.values import alone, completed, model_values, plain_balance
 from ..torque_balance.verdict import LAG_NAME, WHOLE_INERTIA, Answer, answer
 from .asked import LIMIT, Asked, contradicted, settings, unfit_law
 from .compare_laws import under_law

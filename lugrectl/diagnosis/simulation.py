@@ -32,7 +32,7 @@ from ..estimates.findings import Joint, Residuals, Traces, residuals_of
 from ..record import Record, consistent, long_enough_to_judge
 from ..record.signal_noise import repeating, repeats, sensor_noise, share_noise, smallest_step
 from ..torque_balance.maps import is_map
-from ..torque_balance.model_values import (
+from ..torque_balance.values import (
     ModelValues,
     as_estimates,
     completed,

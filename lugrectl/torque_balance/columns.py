@@ -7,14 +7,10 @@ side:
 
     u = J a + F + columns @ coefficients
 
-An effect is linear in its strength, the distance of its first parameter from the neutral value.
-One with an inertia and a spring is linear in it if the other parameters in N m or kg are scaled
-with it: these count per unit of strength then. A phase or a rest that is declared with ``span``
-is a second column. What else is fitted enters by :func:`slopes`.
-
-Blocks with states are integrated by the engine. Position and speed between the samples are those
-of the cubic through both; u is held by an effect on it, everything else goes in straight lines. A
-step of the states takes the signals of its middle.
+An effect is linear in its strength, the distance of its first parameter from the neutral value;
+with an inertia and a spring, if the other parameters in N m or kg are scaled with it. A phase or a
+rest that is declared with ``span`` is a second column. What else is fitted enters by its slopes.
+Blocks with states are integrated by the engine.
 """
 
 from __future__ import annotations
@@ -22,7 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache, wraps
+from functools import cache, cached_property, wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -31,7 +27,6 @@ from ..blocks.block import Block
 from ..blocks.friction import level as sliding_level
 from ..blocks.plant import borrowed
 from ..core.bare_system import BareSystem
-from ..engine import TraceError
 from ..engine.batch_run import Lanes
 from . import constants as const
 from .motion import bend, cubic, slope
@@ -41,29 +36,15 @@ Pieces = Sequence[tuple[slice, float]]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, eq=False)
-class Known:
-    """A block as the key of what is known of it: its function and declaration are one object."""
-
-    block: Block
-
-    def __hash__(self) -> int:
-        return hash((self.block.kind, self.block.name, self.block.function))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Known) and self.block == other.block
-
-
 def once_a_block(function: Callable[[Block], T]) -> Callable[[Block], T]:
     """What is asked of a block, answered once for each."""
-
-    @lru_cache(maxsize=256)
-    def answered(known: Known) -> T:
-        return function(known.block)
+    known: dict[int, tuple[Block, T]] = {}  # a block that is kept keeps its id
 
     @wraps(function)
     def asked(block: Block) -> T:
-        return answered(Known(block))
+        if id(block) not in known:
+            known[id(block)] = block, function(block)
+        return known[id(block)][1]
 
     return asked
 
@@ -85,19 +66,13 @@ def changes(block: Block, results: Sequence[Any], signals: Mapping[str, Any]) ->
 def driven(
     block: Block, sets: Sequence[Mapping[str, float]], signals: Signals, pieces: Pieces
 ) -> list[np.ndarray]:
-    """Changes by each output of a block with states, (n, sets) each; each piece begins where
-    ``Block.start`` says. TraceError where the engine cannot read the block's function.
-
-    ``signals`` are (n,) arrays of what the block reads, with w beside theta and theta beside w.
-    A value stands for the mean around its sample with triangular weights, so that a torque
-    between the samples is neither early nor late; where u is read by an effect on the input, for
-    the mean over the cell in which u is held.
-    """
+    """Changes by each output of a block with states, (n, sets) each: means around each sample, so
+    that a torque is neither early nor late; where u is held, over the cell in which it is."""
     out = np.zeros((len(block.fresh), len(next(iter(signals.values()))), len(sets)))
     for piece, dt in pieces:
         own = {k: x[piece] for k, x in signals.items()}
         k = int(np.clip(round(dt / const.FINE), 1, 10))
-        some = max(1, const.ROOM_DRIVEN // (len(block.states) * k * len(own[block.reads[0]])))
+        some = max(1, const.ROOM // (len(block.states) * k * len(own[block.reads[0]])))
         for first in range(0, len(sets), some):
             few = slice(first, first + some)
             out[:, piece, few] = _along(block, sets[few], own, dt, k)
@@ -170,6 +145,7 @@ def _lanes(block: Block) -> Lanes:
 
 SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs", "+Fv")
 SIGNALS = ("t", "theta", "w", "u", "d", "load")
+OF_THE_DRIVE = ("z", "follows", "coulomb", "level", "viscous", "load")
 
 TINY = np.finfo(float).tiny  # a speed that has a direction at rest
 
@@ -196,6 +172,14 @@ class Along:
     J: float
     values: Mapping[str, float]  # of the plant and its friction law
     d: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, motion: Any, **known: Any) -> Along:
+        """The signals of a motion; what is not known of the drive is 0."""
+        own = ("t", "theta", "w", "acceleration", "path", "pieces", "u")
+        none = dict.fromkeys(OF_THE_DRIVE, np.zeros(len(motion)))
+        made = {k: getattr(motion, k) for k in own}
+        return cls(**{"J": 0.0, "values": {}, **made, **none, **known})
 
     def __len__(self) -> int:
         return len(self.t)
@@ -267,13 +251,6 @@ def searched(block: Block) -> tuple[str, ...]:
     return tuple(k for k, p in block.own.items() if k not in known and p.fitted and not p.usual)
 
 
-def of_motion(block: Block) -> bool:
-    """Whether its torque is that of the motion alone, whatever friction, loads and inertia are."""
-    alone = {*block.acts} == {"torque"} and {*block.reads} <= {"t", "theta", "w"}
-    shares = any(p.shared for p in block.parameters.values())
-    return alone and not shares and not _jumps(block)
-
-
 def needs_inertia(block: Block) -> bool:
     """Whether an effect means nothing where J is not known: mass, or a sensor's error."""
     of_mass = any(p.unit == "kg m2" for p in block.parameters.values())
@@ -287,20 +264,13 @@ def refused(block: Block) -> str:
         return f"{block.name} is a {block.kind}, neither an effect nor a friction law"
     if block.kind == "effect" and not block.acts:
         return f"{block.name} acts on nothing inside a drive"
-    for act in block.acts:
-        if act not in SERVED:
-            return f"{block.name} acts on {act}, which is no torque along a motion"
-    for name in block.inputs:
-        if name not in SIGNALS:
-            return f"{block.name} reads {name}, which no log has"
-    if "sensor" in block.acts and len(block.acts) > 1:
-        return f"{block.name} acts on more than the sensor"
+    for name in (*block.acts, *block.inputs):
+        if name not in (*SERVED, *SIGNALS):
+            return f"{block.name} acts on or reads {name}, which no log has"
     log = _some_motion()
     try:
         with np.errstate(all="ignore"):
             _torques(block, [_filled(block, {}, log)], log)
-    except TraceError as error:
-        return f"{block.name} has states and cannot be compiled: {error}"
     except NameError:  # a misspelt name is no reason to leave an effect out: it is said
         raise
     except Exception as error:  # whatever a function of the user raises
@@ -374,26 +344,17 @@ def slopes(block: Block, values: Values, along: Along, steps: Mapping[str, float
 def step_of(block: Block, key: str, value: float, along: Along) -> float:
     """How far to go for a difference: a share of a positive quantity; of a frequency or an order
     what moves the end of the log by 0.1 rad; of a place or an instant a share of the log's."""
-    p = block.parameters[key]
-    reach = max(float(np.ptp(along.path)), 1e-12)
-    if p.unit == "Hz":
-        return const.STEP_TURN / (2 * np.pi * max(float(np.ptp(along.t)), 1e-12))
-    if p.whole:
-        return const.STEP_TURN / reach
-    if p.angle:
-        return const.STEP_TRAVEL
-    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.STEP_TRAVEL * reach}.get(
-        p.unit, 1e-6
-    )
-    if p.low >= 0.0:
-        return max(const.STEP_SHARE * abs(value), least) if np.isfinite(value) else const.STEP_SHARE
+    p, reach = block.parameters[key], max(float(np.ptp(along.path)), 1e-12)
+    duration = max(float(np.ptp(along.t)), 1e-12)
+    if p.whole or p.unit == "Hz":
+        return const.STEP_TURN / (reach if p.whole else 2 * np.pi * duration)
+    if p.angle or p.unit == "rad" and p.low < 0.0:
+        return const.SLIGHT * (1.0 if p.angle else reach)
     if p.instant:
-        return const.STEP_DURATION * float(np.ptp(along.t))
-    return (
-        const.STEP_TRAVEL * reach
-        if p.unit == "rad"
-        else max(const.STEP_SHARE * abs(value), const.STEP_SHARE * abs(p.value), least)
-    )
+        return const.STEP_DURATION * duration
+    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.SLIGHT * reach}.get(p.unit, 1e-6)
+    size = abs(value) if np.isfinite(value) else 1.0
+    return max(const.STEP_SHARE * max(size, abs(p.value or 0.0) * (p.low < 0.0)), least)
 
 
 # Coefficients and parameters
@@ -441,9 +402,6 @@ def _usual(block: Block, along: Along) -> dict[str, Any]:
 
 def _completed(block: Block, values: Values, usual: Values) -> dict[str, Any]:
     """The given values, and usual ones of the other parameters."""
-    for key in values:
-        if key not in block.parameters:
-            block.check({key: values[key]})
     return {**usual, **{k: x for k, x in values.items() if x is not None}}
 
 
@@ -605,13 +563,13 @@ def scaled(block: Block) -> tuple[str, ...] | None:
     both = (k for k, q in block.own.items() if mass.search(q.unit) and mass.search(p.unit))
     for also in ((), tuple(k for k in both if k != block.gain)):
         sets = []
-        for size in (const.TRIED, 2 * const.TRIED):
+        for size in (const.PART, 2 * const.PART):
             own = _filled(block, {}, log)
             more = {k: own[k] * size for k in also}
             sets.append(own | more | {block.gain: p.neutral + size})
         with np.errstate(all="ignore"):
             parts = [x for x in _torques(block, sets, log) if x is not None]
-        if all(np.all(np.abs(b - 2.0 * a) <= const.SAME_TORQUE * np.max(np.abs(b))) for a, b in
+        if all(np.all(np.abs(b - 2.0 * a) <= const.EXACT * np.max(np.abs(b))) for a, b in
                (x.T for x in parts)):  # fmt: skip
             return also
     return None

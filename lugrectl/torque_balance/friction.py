@@ -9,11 +9,11 @@ does not (IMITATES).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ..blocks.friction import along as bristle
 from ..blocks.friction import free_level, level, strokes
 from ..blocks.model import Model
 from ..core.numeric import rms
-from ..core.regression import Blocks, Prior, robust, spread
+from ..core.regression import TINY, Blocks, Prior, log_density, robust, spread
 from . import constants as const
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
 from .motion import Motion, one_way
@@ -30,7 +30,6 @@ from .windows import Rows
 
 FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "turn", "smear")
 IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declared law
-FREE_SIGNS = {"late", "smear", "run"}
 SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
 
 
@@ -59,22 +58,44 @@ class Term:
         return "input" in self.block.acts
 
 
-class Seen(NamedTuple):
-    """Columns of an effect in the rows (m, k), and the bounds of their coefficients (k,)."""
+class Regression:
+    """Columns (m,) with their names, and what is known of the coefficient of each; none is above
+    LARGE times all torque, ``force``."""
 
-    rows: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    def __init__(self, force: float) -> None:
+        self.force = force
+        self.names: list[Any] = []
+        self._columns: list[np.ndarray] = []
+        self._known: list[tuple[float, ...]] = []  # precision, centre, low and high of each
+
+    def add(
+        self,
+        name: Any,
+        column: np.ndarray,
+        sd: float = np.inf,
+        low: float = -np.inf,
+        high: float = np.inf,
+        centre: float = 0.0,
+    ) -> None:
+        most = const.LARGE * self.force / max(rms(column), TINY)
+        self.names.append(name)
+        self._columns.append(column)
+        self._known.append(((1 / min(sd, most)) ** 2, centre, low, high))
+
+    @cached_property
+    def X(self) -> np.ndarray:
+        return np.column_stack(self._columns)
+
+    @cached_property
+    def prior(self) -> Prior:
+        return Prior(*np.array(self._known).T)
 
 
 class View:
-    """One description of a log, as one regression sees it: motion, windows, a friction law.
-
-    ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
-    ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
-    inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``settled`` what
-    all of these depend on.
-    """
+    """One description of a log, as one regression sees it: motion, windows, a friction law. ``u``
+    (n,) is the torque after the drive's own effects on it, ``z``, ``coulomb``, ``viscous``,
+    ``level``, ``load`` (n,) what effects scale; ``size`` and ``force`` are the RMS of friction and
+    of all torque."""
 
     is_map = False  # runs at steady speeds
     backward = False  # friction would drive all of them
@@ -112,8 +133,6 @@ class View:
         self._follows: dict[float, np.ndarray] = {}
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self._in_rows: dict[Any, np.ndarray] = {}
-        self._made: dict[Any, Seen] = {}
-        self._room, self.settled = const.ROOM, b""
 
     def _blocked(self) -> Blocks:
         number = int(
@@ -131,24 +150,15 @@ class View:
     def several(self) -> bool:
         """Whether the drive has more than one speed."""
         slow, fast = np.quantile(self.rows.w, [0.05, 0.95])
-        return bool(fast - slow > const.ONE_SPEED * self.typical)
+        return bool(fast - slow > const.PART * self.typical)
 
     def on(self, mask: Any = slice(None)) -> View:
         """The same motion and law on some of the rows, by default on all."""
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
-        made.K, made._in_rows, made._made, made._room = made.rows.K, {}, {}, const.ROOM
+        made.K, made._in_rows = made.rows.K, {}
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = made._blocked()
-        return made
-
-    def once(self, key: Any, make: Callable[[], Seen]) -> Seen:
-        """What is known by its key is made once, while there is room for it."""
-        if key in self._made:
-            return self._made[key]
-        made = make()
-        if made.rows.size <= self._room:
-            self._made[key], self._room = made, self._room - made.rows.size
         return made
 
     def seen_of(self, N: np.ndarray) -> np.ndarray:
@@ -171,10 +181,6 @@ class View:
     def apart(self) -> np.ndarray | None:
         """Numbers (m,) of the rows that err together; None where the residual says it."""
         return None
-
-    def follows_speed(self, r: np.ndarray) -> bool:
-        """Whether residuals (m,) of runs at steady speeds still depend on the speed."""
-        return False
 
     def scatter(self, r: np.ndarray) -> float:
         """The noise of residuals (m,) that is known without a model, N m."""
@@ -246,8 +252,8 @@ class View:
     def follows(self, x0: float) -> np.ndarray:
         """How the bristle (n,) follows an asymmetry of its level."""
         if x0 not in self._follows:
-            up, down = (bristle(*self._path, x0, side * const.ASYMMETRY) for side in (1, -1))
-            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.ASYMMETRY)])
+            up, down = (bristle(*self._path, x0, side * const.SLIGHT) for side in (1, -1))
+            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.SLIGHT)])
         return self._follows[x0]
 
     def stribeck(self, x0: float, vs: float) -> np.ndarray:
@@ -268,57 +274,47 @@ class View:
 
     # ---- the rows
     def start(self) -> None:
-        """Columns that no law changes; names and priors of all coefficients."""
-        m = self.motion
-        self.u = m.u
+        """What no law changes: the torque, and columns of terms and of runs."""
+        m, self.u, self.others = self.motion, self.motion.u, []
         for term in self.terms:
             if term.on_input:
                 self.u = self.changed(term.block, term.q)
-        fixed = [self.K @ np.column_stack([m.w, self.grease(const.GREASE[0])])]
-        names: list[Any] = ["J", "late", *FRICTION]
-        # in one direction Coulomb friction and an offset are one
-        signs = FREE_SIGNS | {"Fc"} if m.one_way else FREE_SIGNS
-        low, high = [-np.inf if n in signs else 0.0 for n in names], [self.most(n) for n in names]
-        priors = [Prior.free(len(names), low=low, high=high)]
         for term in self.terms:
             if not term.on_input:
                 made = self.columns(term.block, term.q)
-                fixed.append(self.in_rows(made))
-                names += [(term.key, k) for k in range(len(made.low))]
-                priors.append(Prior.free(len(made.low), low=made.low, high=made.high))
-        self.y = self.torque(self.u) - self.K @ m.d
+                for k, x in enumerate(self.in_rows(made).T):
+                    self.others.append(((term.key, k), x, np.inf, made.low[k], made.high[k]))
+        self.y, self.late = self.torque(self.u) - self.K @ m.d, self.lateness(self.u)
         known = self.declared.get("J", 0.0) * self.rows.a  # coasting: no torque but that
         self.force = float(np.sqrt(max(np.mean(self.y**2), np.mean(known**2)))) + 1e-300
+        self.others += self.offsets(self.force)
+
+    def offsets(self, level: float) -> Iterator[tuple]:
+        """A column for each run whose torque has an offset of its own."""
+        most = const.MUCH * self.force
         for run in self.with_offset:
-            fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
-            names.append("run")
-            most = const.BETWEEN * self.force
-            priors.append(Prior.free(1, low=-most, high=most))
-        self.names, self.fixed, self.bounds = names, np.column_stack(fixed), Prior.joined(*priors)
-        self.bounds = self.bounds.but(1, low=-1.0, high=self.latest)
-        if self.J_range:
-            self.bounds = self.bounds.but(0, low=self.J_range[0], high=self.J_range[1])
-        self.late = self.lateness(self.u)
+            column = self.K @ (1.0 * (self.motion.run == run))
+            yield "run", column, const.BACKGROUND * level, -most, most
 
     def most(self, name: str) -> float:
         return np.inf
 
-    def base(self, x0: float, vs: float) -> np.ndarray:
-        """Rows (m, k) of the declared model for one bristle length and one Stribeck speed."""
+    def base(self, x0: float, vs: float) -> Regression:
+        """The declared model for one bristle length and one Stribeck speed."""
+        m, made = self.motion, Regression(self.force)
+        low, high = self.J_range or (0.0, np.inf)
+        made.add("J", self.rows.a, low=low, high=high)
+        made.add("late", self.late, sd=3.0, low=-1.0, high=self.latest)
         z, law = self.bristle_rows(x0), self.K @ self.stribeck(x0, vs)
-        w, rest = self.fixed[:, :2], self.fixed[:, 2:]
-        return np.column_stack(
-            [self.rows.a, self.late, z[:, 0], law[:, :3], w, law[:, 3], z[:, 1:], rest]
-        )
-
-    def prior(self, B: np.ndarray) -> Prior:
-        """No term is larger than LARGE times all torque; the lateness is held to its bound."""
-        precision = np.zeros(B.shape[1])
-        precision[2:] = np.mean(B[:, 2:] ** 2, axis=0) / (const.LARGE * self.force) ** 2
-        precision[1] = 0.1
-        between = [j for j, n in enumerate(self.names) if n == "run"]
-        precision[between] = max(const.BACKGROUND * self.force, 1e-100) ** -2
-        return replace(self.bounds, precision=precision)
+        ways = self.K @ m.w, self.grease_rows(const.GREASE[0])
+        parts = z[:, 0], *law[:, :3].T, *ways, law[:, 3], *z[:, 1:].T
+        # in one direction Coulomb friction and an offset are one
+        signs = {"smear", "Fc"} if m.one_way else {"smear"}
+        for name, column in zip(FRICTION, parts, strict=True):
+            made.add(name, column, low=-np.inf if name in signs else 0.0, high=self.most(name))
+        for other in self.others:
+            made.add(*other)
+        return made
 
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
         """Bristle lengths and Stribeck speeds to try, around declared ones."""
@@ -334,47 +330,39 @@ class View:
 
     def choose(self, scale: float | None, beside: Any = None) -> float:
         """Settle bristle length and Stribeck speed, ``beside`` a contender; the residual scale."""
-        lengths, speeds = self.grids()
+        lengths, speeds = (x.tolist() for x in self.grids())
+        if scale is None:
+            base = self.base(lengths[len(lengths) // 2], speeds[0])
+            low, high = base.prior.low[0], base.prior.high[0]
+            first = int(low == high > 0)  # a J that is held explains all
+            r, X = self.y - base.X[:, :first] @ np.full(first, low), base.X[:, first:]
+            scale = spread(r - X @ np.linalg.lstsq(X, r, rcond=None)[0])
 
         @cache
-        def likelihood(i: int, j: int) -> float:
-            nonlocal scale
-            X, y = self.base(lengths[i], speeds[j]), self.y
-            prior = self.prior(X)
+        def likelihood(x0: float, vs: float) -> float:
+            base = self.base(x0, vs)
+            X, y, prior = base.X, self.y, base.prior
             if beside is not None:
                 X, y, prior = beside.added(self, X, y, prior)
-            if scale is None:
-                first = int(prior.low[0] == prior.high[0] > 0)  # a J that is held explains all
-                r = y - X[:, :first] @ prior.low[:first]
-                r = r - X[:, first:] @ np.linalg.lstsq(X[:, first:], r, rcond=None)[0]
-                scale = spread(r)
             fit = robust(X, y, prior, scale, self.noise, turns=3)
-            return -float(np.sum(np.log1p(fit.r**2 / 4)))
+            return float(np.sum(log_density(fit.r)))
 
-        i, j = len(lengths) // 2, len(speeds) // 2
+        x0 = lengths[len(lengths) // 2]
         for _ in range(3):
-            old = i, j
-            j = max(range(len(speeds)), key=lambda k: likelihood(i, k))
-            i = max(range(len(lengths)), key=lambda k: likelihood(k, j))
-            if (i, j) == old:
-                break
-        self.set_law(float(lengths[i]), float(speeds[j]))
-        assert scale is not None
+            vs = max(speeds, key=lambda v: likelihood(x0, v))
+            x0 = max(lengths, key=lambda x: likelihood(x, vs))
+        self.set_law(x0, vs)
         return scale
 
     def set_law(self, x0: float, vs: float) -> None:
-        self.x0, self.vs, self.B = x0, vs, self.base(x0, vs)
+        self.x0, self.vs, base = x0, vs, self.base(x0, vs)
+        self.B, self.prior, self.names = base.X, base.prior, base.names
         _, self.z = self.deflection(x0)
         self.law = self.stribeck(x0, vs)
 
     # ---- along the log
     def torques(self, b: np.ndarray) -> None:
         """Friction and load along the log from the coefficients of the base."""
-        settled = np.r_[b, self.x0, self.vs].tobytes()
-        if settled != self.settled:  # what depends on another friction makes room
-            old = [key for key in self._made if self.settled in key]
-            self._room += sum(self._made.pop(key).rows.size for key in old)
-            self.settled = settled
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
         self.coulomb = k["Fc"] * self.z + self.law @ near_rest
@@ -385,7 +373,7 @@ class View:
                 term.b = np.array([k[term.key, i] for i in range(len(linear(term.block)))])
         self.set_load(self.terms)
         self.level = self._level(k)
-        self.size = max(rms(self.K @ self.friction), const.LEAST_FRICTION * self.force)
+        self.size = max(rms(self.K @ self.friction), const.LITTLE * self.force)
 
     def set_load(self, terms: Sequence[Term]) -> None:
         """The load torque (n,): measured, and of terms that are loads."""
@@ -394,10 +382,7 @@ class View:
 
     def _level(self, k: Mapping[Any, float]) -> np.ndarray:
         """The level of sliding friction (n,), as it is declared where it is."""
-        m, known = self.motion, self.declared
-        if {"Fs", "Fc", "vs"} <= known.keys() and known["Fc"] > 0:
-            scale = max(k["Fc"], 0.3 * rms(self.coulomb))
-            return level(m.w, scale, scale * known["Fs"] / known["Fc"], known["vs"])
+        m = self.motion
         made = k["Fc"] + (k["bump"] + k["bend"] * np.abs(m.w)) * level(m.w, 0.0, 1.0, self.vs)
         for name, v in (("short_tail", 1.5 * self.vs), ("long_tail", self.tail(self.vs))):
             made = made + k[name] * free_level(m.w, 0.0, 1.0, v, 1.0)
@@ -405,14 +390,13 @@ class View:
 
     def along(self, **other: Any) -> Along:
         """The signals of the log for blocks, some of them replaced."""
-        m, zero = self.motion, np.zeros(1)
-        known = {k: getattr(self, k, zero) for k in ("z", "coulomb", "level", "viscous", "load")}
-        made = {
-            "t": m.t, "theta": m.theta, "w": m.w, "acceleration": m.acceleration, "path": m.path,
-            "pieces": m.pieces, "u": self.u, "J": self.J, "values": self.declared,
-            "follows": self.follows(self.x0) if hasattr(self, "x0") else zero, **known,
-        }  # fmt: skip
-        return Along(**{**made, **other})
+        known = {
+            k: getattr(self, k) for k in ("z", "coulomb", "level", "viscous") if hasattr(self, k)
+        }
+        if hasattr(self, "x0"):
+            known["follows"] = self.follows(self.x0)
+        known |= {"u": self.u, "load": self.load, "J": self.J, "values": self.declared}
+        return Along.of(self.motion, **known | other)
 
     def columns(self, block: Block, q: Mapping[str, float]) -> Columns:
         """The columns of an effect along the log."""
@@ -433,15 +417,6 @@ class View:
     def changed(self, block: Block, q: Mapping[str, float]) -> np.ndarray:
         """What an effect on the torque makes of it (n,)."""
         return changed_input(block, q, self.along())
-
-
-def places(motion: Motion) -> Along:
-    """The motion alone, before anything is known of the drive."""
-    none = np.zeros(len(motion))
-    unknown = dict.fromkeys(("z", "follows", "coulomb", "level", "viscous", "load"), none)
-    return Along(t=motion.t, theta=motion.theta, w=motion.w, acceleration=motion.acceleration,
-                 path=motion.path, pieces=motion.pieces, u=motion.u, J=0.0, values={},
-                 **unknown)  # fmt: skip
 
 
 def declared_terms(model: Model, along: Along) -> list[Term]:

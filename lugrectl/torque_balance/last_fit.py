@@ -3,13 +3,9 @@ one regression. Every value of an answer comes from it.
 
     u = J a + Fc z + (Fs - Fc) z exp(-|w/vs|^delta) + Fv w + effects + nuisances + residual
 
-What a value is not linear in has a column of slopes, and the fit is repeated at the value that it
-says.
-
-For its intervals blocks are left out; laws that the log does not tell apart count by their
-likelihood; other descriptions of the same drive, a stiffer and a softer motion in wider windows and
-the drive with an alternative in place of a name, count by how far their values lie apart; and no
-sensor is better than SCALE.
+What is not linear has a column of slopes, and the fit is repeated at the value that it says. For
+intervals blocks are left out; laws count by their likelihood, other descriptions of the motion and
+alternatives to a name by how far their values lie apart; and no sensor is better than SCALE.
 """
 
 from __future__ import annotations
@@ -29,7 +25,7 @@ from ..core.numeric import Z95, rms
 from ..core.regression import Prior, left_out_covariance, log_density, memory_blocks, robust, spread
 from . import constants as const
 from .columns import changed_input, columns, linear, nonlinear, scaled, slopes, step_of, to_values
-from .friction import OFFSET, WEIGHT, Term, View
+from .friction import OFFSET, WEIGHT, Regression, Term, View
 from .table import Table, is_lateness
 from .windows import Rows
 
@@ -86,7 +82,7 @@ class State:
 
     def bristle(self, view: View) -> float:
         """The length of the bristles, rad; next to none where the law has none."""
-        return const.RIGID * view.x0 if "presliding" in self.absent else view.x0
+        return const.SLIGHT * view.x0 if "presliding" in self.absent else view.x0
 
     def fall(self, w: np.ndarray) -> np.ndarray:
         """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
@@ -109,10 +105,11 @@ class State:
         return new
 
 
-class Design:
+class Design(Regression):
     """Rows of the last fit on one view: ``X`` (m, k), ``y`` (m,), ``names``, ``prior``."""
 
     def __init__(self, view: View, state: State) -> None:
+        super().__init__(view.force)
         self.view, self.state = view, state
         v, m = view, view.motion
         state.apply(v)
@@ -124,36 +121,16 @@ class Design:
                 v.u = v.changed(term.block, term.q)
         self.y = v.torque(v.u) - v.K @ m.d
         self.level = max(abs(state.k["Fc"]), 0.1 * v.force)
-        self.names: list[Name] = []
-        self._columns: list[np.ndarray] = []
-        self._known: list[tuple[float, ...]] = []  # precision, centre, low and high of each
         self._plant()
         self._friction()
         self._background()
         for i, term in enumerate(state.terms):
             self._effect(i, term)
-        self.X = np.column_stack(self._columns)
-        self.prior = Prior(*np.array(self._known).T)
         for j, one, value in self._stated():
             self.prior = with_stated(self.prior, j, one, value)
 
-    def _add(
-        self,
-        name: Name,
-        column: np.ndarray,
-        sd: float = np.inf,
-        low: float = -np.inf,
-        high: float = np.inf,
-        centre: float = 0.0,
-    ) -> None:
-        """A column with what is known of its coefficient; none is above LARGE times all torque."""
-        most = const.LARGE * self.view.force / max(rms(column), const.NOTHING)
-        self.names.append(name)
-        self._columns.append(column)
-        self._known.append((1 / min(sd, most) ** 2, centre, low, high))
-
     def _plant(self) -> None:
-        v, add = self.view, self._add
+        v, add = self.view, self.add
         if v.J_range and not v.sure:  # a declared J holds where the log does not tell
             add("J", v.rows.a, low=v.J_range[0], high=v.J_range[1])
         else:
@@ -166,7 +143,7 @@ class Design:
         add("late", v.lateness(v.u), sd=sd, low=-most, high=min(most, free), centre=-done)
 
     def _friction(self) -> None:
-        v, m, s, add = self.view, self.view.motion, self.state, self._add
+        v, m, s, add = self.view, self.view.motion, self.state, self.add
         add("Fc", v.K @ v.z, low=-np.inf if m.one_way else 0.0)
         most = 0.0 if "stribeck" in s.absent else const.DIP * v.force
         add("dip", v.K @ s.dip, low=0.0 if v.is_map else -most, high=most)
@@ -181,7 +158,7 @@ class Design:
 
     def _background(self) -> None:
         """Every drive has a little of an offset, warming, unbalance: BACKGROUND of friction."""
-        v, m, add, terms = self.view, self.view.motion, self._add, self.state.terms
+        v, m, add, terms = self.view, self.view.motion, self.add, self.state.terms
         here = {t.name for t in terms}
         rows = [] if OFFSET in here else [("offset", np.ones(len(m)))]
         if not any(drifts(t.block) for t in terms):  # a drift is a warming itself
@@ -198,9 +175,8 @@ class Design:
                 little = np.inf
             most = little if self.state.bare else np.inf  # thousands of rows outvote a prior
             add(name, x, sd=little, low=-most, high=most)
-        most = const.BETWEEN * v.force
-        for run in v.with_offset:
-            add("run", v.K @ (1.0 * (m.run == run)), const.BACKGROUND * self.level, -most, most)
+        for offset in v.offsets(self.level):
+            add(*offset)
 
     @property
     def constant(self) -> bool:
@@ -211,7 +187,7 @@ class Design:
 
     def _effect(self, i: int, term: Term) -> None:
         """Linear columns, and of each other value the slope of the torque over it."""
-        v, add, block = self.view, self._add, term.block
+        v, add, block = self.view, self.add, term.block
         held = v.model.held()
         keys = [k for k in nonlinear(block, v.model.motion)
                 if k in term.q and f"{term.key}.{k}" not in held]  # fmt: skip
@@ -235,13 +211,9 @@ class Design:
             made = replace(made, wide=v.motion.held(made.wide))
         S = v.in_rows(made)
         for j, key in enumerate(keys):
-            far = const.FURTHEST * step[key]
+            far = 2 * const.CLIP * step[key]
             # how far it may lie from where a search found it
-            sd = (
-                far
-                if block.own[key].low < 0.0
-                else max(const.FAR_SHARE * abs(term.q[key]), step[key])
-            )
+            sd = far if block.own[key].low < 0.0 else max(const.PART * abs(term.q[key]), step[key])
             most = far if block.states else sd
             add((i, key), S[:, j] * per[key], sd=sd, low=-most, high=most)
 
@@ -281,10 +253,7 @@ def drifts(block: Block) -> bool:
 
 class LastFit:
     """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays.
-
-    ``values`` are all that is reported, by name: J, Fc, Fv, Fs, offset, "Fc + constant", "sum" and
-    "key.parameter" of each effect.
-    """
+    ``values`` has all that is reported."""
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
         self.view, self.scale, w = view, scale, None
@@ -346,9 +315,6 @@ class LastFit:
                       terms[n[0]].b[n[1]] if isinstance(n[1], int) else 0.0
                       for n in design.names])  # fmt: skip
         return design.y - design.X @ b
-
-    def score(self, r: np.ndarray) -> float:
-        return float(np.sum(log_density(r)))
 
     def bend(self) -> float:
         """RMS torque of the grease beside Fc, the Stribeck dip and Fv, as a share of friction."""
@@ -435,8 +401,8 @@ def state_of(table: Table) -> State:
 def with_stated(prior: Prior, j: int, one: Stated, value: float | None) -> Prior:
     """The prior with what is stated of coefficient j, whose declared value is given."""
     if one.fixed and value is not None:
-        sd = const.SURE * max(abs(value), 1e-12)
-        low, high = sorted((value * (1 - const.SURE), value * (1 + const.SURE)))
+        sd = const.EXACT * max(abs(value), 1e-12)
+        low, high = sorted((value * (1 - const.EXACT), value * (1 + const.EXACT)))
         return prior.but(j, precision=1 / sd**2, centre=value, low=low - sd, high=high + sd)
     if one.std is not None and value is not None:
         prior = prior.but(j, precision=1 / one.std**2, centre=value)
@@ -477,12 +443,12 @@ class Interval:
     def kappa(self) -> float:
         """Rows that tell as much as one that knows nothing of its neighbours."""
         memory = 4 if self.last.view.apart is None else 1  # blocks are so many memories long
-        return max(const.KAPPA, len(self.last.fit.r) / (memory * (self.blocks[0][-1] + 1)))
+        return max(const.SEVERAL, len(self.last.fit.r) / (memory * (self.blocks[0][-1] + 1)))
 
     @property
     def likelihood(self) -> float:
         own = const.ONE_MORE * self.kappa if self.last.state.grease else 0.0
-        return self.last.score(self.last.fit.r) - own
+        return float(np.sum(log_density(self.last.fit.r))) - own
 
     @cached_property
     def laws(self) -> list[Law]:
@@ -507,7 +473,8 @@ class Interval:
             prior = d.prior.but(grease, high=np.inf if exponent else 0.0)
             f = robust(X, d.y, prior, last.scale, v.noise, last.fit.w, turns)
             price = const.ONE_MORE * self.kappa if exponent else 0.0
-            made.append(Law(last.score(f.r) - price, f.b, *shapes[j], exponent))
+            score = float(np.sum(log_density(f.r))) - price
+            made.append(Law(score, f.b, *shapes[j], exponent))
 
         for j in range(len(shapes)):
             fit(j, state.grease)
@@ -541,9 +508,7 @@ class Interval:
 
     @cached_property
     def _little(self) -> np.ndarray:
-        """Of each coefficient (k,), the standard deviation by what every drive has a little of: a
-        torque of the same kind as what is named, friction of another warmth, and an inertia of
-        another motor's constant."""
+        """Of each coefficient (k,), the standard deviation by what every drive has a little of."""
         last, d, b = self.last, self.last.design, self.last.fit.b
         at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
         level = max(abs(float(b[at["Fc"]])), 0.1 * rms(d.y))
@@ -568,7 +533,7 @@ class Interval:
         made = np.zeros((len(self.names), len(b)))
         for j in range(len(b)):
             step = np.zeros(len(b))
-            step[j] = const.STEP_SD * sd[j]
+            step[j] = const.PART * sd[j]
             up, down = quantities(d, b + step), quantities(d, b - step)
             made[:, j] = [wrapped(up[k] - down[k], k) / (2 * step[j]) for k in self.names]
         return made
@@ -583,7 +548,7 @@ class Interval:
         for term in self.last.state.terms:  # no clock of two channels is better
             if is_lateness(term.block):
                 i = self.names.index(f"{term.key}.{term.block.gain}")
-                V[i, i] += (const.PART_OF_SAMPLE * self.last.view.motion.dt) ** 2
+                V[i, i] += (const.NEAR * self.last.view.motion.dt) ** 2
         return V
 
     def between(self, others: Sequence[Mapping[str, float]]) -> np.ndarray:
@@ -603,7 +568,7 @@ class Interval:
 
 def tells(x: Value) -> bool:
     """Whether the interval of an inertia is narrow enough for it to be an answer."""
-    return x[0] > 0 and x[2] - x[1] < 2 * const.CERTAIN * x[0]
+    return x[0] > 0 and x[2] - x[1] < 2 * const.MOSTLY * x[0]
 
 
 def wrapped(x: float, key: str) -> float:

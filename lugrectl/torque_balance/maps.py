@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.stats import norm, rankdata
 
 from ..blocks.block import Block, members
 from ..blocks.model import Model
@@ -23,8 +22,8 @@ from ..core.errors import Refused
 from ..core.regression import Blocks
 from ..record import Stretch
 from . import constants as const
-from .columns import needs_inertia
-from .friction import View, declared_terms, places
+from .columns import Along, needs_inertia
+from .friction import View, declared_terms
 from .motion import Motion, in_turn
 from .windows import Rows
 
@@ -51,7 +50,7 @@ def is_map(stretches: Sequence[Stretch]) -> bool:
     runs = [_Steady(parts) for parts in _by_run(stretches)]
     if len(runs) < const.LEAST_RUNS or not all(r.steady for r in runs):
         return False
-    return len({round(np.log(abs(r.w)) / const.ONE_RUN) for r in runs}) >= const.LEAST_SPEEDS
+    return len({round(np.log(abs(r.w)) / const.NEAR) for r in runs}) >= const.SEVERAL
 
 
 def _by_run(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
@@ -69,12 +68,10 @@ class _Steady:
                  if len(at) > 1]  # fmt: skip
         speeds = np.array([_speed(s, at) for s, at in cells])
         usual = float(np.median(speeds)) if len(speeds) else 0.0
-        own = np.abs(speeds - usual) < const.STEADY_SPEED * abs(usual)
+        own = np.abs(speeds - usual) < const.PART * abs(usual)
         self.number = parts[0].run
         self.steady = (
-            total >= const.FEWEST_SAMPLES
-            and usual != 0
-            and float(np.mean(own)) > const.STEADY_SHARE
+            total >= 2 * const.CELLS and usual != 0 and float(np.mean(own)) > (1 - const.PART)
         )
         self.cells = [cell for cell, on in zip(cells, own, strict=True) if on]
         self.w = self._whole() if self.steady else 0.0
@@ -184,7 +181,7 @@ class MapView(View):
     motion: Nodes
 
     def __init__(self, motion: Nodes, model: Model) -> None:
-        terms = declared_terms(model, places(motion))
+        terms = declared_terms(model, Along.of(motion))
         super().__init__(motion, StretchMeans(motion), model, None, terms)
         self.sure, self.signals = False, frozenset({"w", "theta"} if motion.angle else {"w"})
         self.longest_fall = const.TAIL * motion.top
@@ -218,30 +215,15 @@ class MapView(View):
         """Means (runs,) of rows (m,)."""
         return np.bincount(self.apart, x) / np.bincount(self.apart)
 
-    def _ways(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Speeds, slow to fast, and values (runs,) in either direction."""
-        w = self.by_run(self.motion.w[self.rows.at])
-        ways = [np.flatnonzero(side * w > 0) for side in (1, -1)]
-        order = [way[np.argsort(np.abs(w[way]))] for way in ways]
-        return [(np.abs(w[at]), x[at]) for at in order]
-
-    def follows_speed(self, r: np.ndarray) -> bool:
-        """Residuals of neighbours in speed, or of one speed both ways, are alike, by ranks."""
-        mean = self.by_run(r)
-        z = norm.ppf(rankdata(mean) / (len(mean) + 1))
-        (w, forth), (v, back) = self._ways(z / np.std(z))
-        beside = np.concatenate([x[1:] * x[:-1] for x in (forth, back)])
-        tests = [np.sum(beside) / np.sqrt(max(len(beside), 1))]
-        if len(w) and len(v):
-            across = forth * np.interp(w, v, back)
-            tests.append(abs(np.sum(across)) / np.sqrt(len(across)))
-        return bool(max(tests) > const.Z_ALIKE and np.std(mean) > const.FLOOR * self.size)
-
     def scatter(self, r: np.ndarray) -> float:
         """How far a run lies from the line through its neighbours in speed, or a stretch from its
         run (Gasser, Sroka and Jennen-Steinmetz, Biometrika 73(3), 1986)."""
         off, mean = [0.0], self.by_run(r)
-        for x, y in self._ways(mean):
+        w = self.by_run(self.motion.w[self.rows.at])
+        for side in (1, -1):
+            way = np.flatnonzero(side * w > 0)
+            way = way[np.argsort(np.abs(w[way]))]
+            x, y = np.abs(w[way]), mean[way]
             if len(x) > 2:
                 a = (x[2:] - x[1:-1]) / np.maximum(x[2:] - x[:-2], 1e-300)
                 e = y[1:-1] - a * y[:-2] - (1 - a) * y[2:]
@@ -263,7 +245,7 @@ class MapView(View):
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
         """One bristle; Stribeck speeds from the slowest run on."""
         slow, top = float(np.abs(self.motion.w).min()), self.motion.top
-        return np.ones(1), np.geomspace(min(slow, 0.1 * top), const.TAIL * top, const.FALLS)
+        return np.ones(1), np.geomspace(min(slow, 0.1 * top), const.TAIL * top, const.BINS)
 
 
 @dataclass(frozen=True)
@@ -278,9 +260,7 @@ def map_of(stretches: Sequence[Stretch], model: Model) -> MapView:
     steady = [_Steady(parts) for parts in _by_run(stretches)]
     angle = all(s.theta is not None for s in stretches)
     turns = float(np.median([r.turns for r in steady])) if angle else 0.0
-    fine = int(
-        np.clip(np.ceil(turns * const.PER_TURN / const.CELLS), 1, const.FINEST // const.CELLS)
-    )
+    fine = int(np.clip(np.ceil(turns * const.PER_TURN / const.CELLS), 1, const.FINEST))
     effects = tuple(p for p in model.effects if shown(p.block, angle))
     motion = Nodes([r.run(fine) for r in steady], angle)
     return MapView(motion, replace(model, effects=effects))
@@ -301,5 +281,5 @@ def _every_third(motion: Nodes) -> list[int]:
     w, made = motion.w[first], []
     for side in (-1, 1):
         way = np.flatnonzero(side * w > 0)
-        made += runs[way[np.argsort(np.abs(w[way]))][1 : -1 : const.EVERY]].tolist()
+        made += runs[way[np.argsort(np.abs(w[way]))][1 : -1 : const.SEVERAL]].tolist()
     return made

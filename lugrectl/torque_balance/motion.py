@@ -1,7 +1,6 @@
 """The motion of a log, smoothed once: as far as the noise of its channels asks.
 
-From the sound samples as they were read, by what the channels are worth: their noise, and how late
-w is against theta. Of each rate, theta and w are fitted by penalised least squares,
+Of each rate, theta and w are fitted by penalised least squares, by what the channels are worth,
 
     sum (theta - x)^2 / V_theta + sum (w - dx/dt)^2 / V_w + stiffness sum (d3 x)^2 / V_theta
 
@@ -11,7 +10,7 @@ signal is known: its impulse response, through which the torque is sent too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,7 +22,8 @@ from scipy import ndimage
 from scipy.linalg import solveh_banded
 
 from ..core.errors import Refused
-from ..core.regression import NU
+from ..core.numeric import rms
+from ..core.regression import TINY, weight
 from ..record import Stretch
 from . import constants as const
 
@@ -53,6 +53,12 @@ def cubic(x: np.ndarray, v: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray,
     second, third = 3 * rise - 2 * v - after, v + after - 2 * rise
     q, (x, v, second, third) = shares, (y[:, None] for y in (x, v, second, third))
     return x + q * (v + q * (second + q * third)), v + q * (2 * second + 3 * q * third)
+
+
+def bump(half: int) -> np.ndarray:
+    """Weights (2 half + 1,) of a window: smooth, positive, sum 1."""
+    phi = (1 - (np.arange(-half, half + 1) / (half + 1)) ** 2) ** 3
+    return phi / phi.sum()
 
 
 def local_noise(x: np.ndarray, pieces: Sequence[slice], quantile: float) -> float:
@@ -150,38 +156,37 @@ def in_turn(sizes: Sequence[int]) -> tuple[slice, ...]:
     return tuple(map(slice, ends[:-1], ends[1:]))
 
 
-def sampled(stretches: Sequence[Stretch]) -> list[Samples]:
-    """The stretches of a log by rate and channels; runs follow one another in time. Where others
-    move, those that rest throughout say nothing. Refused where no stretch is long enough."""
+def sampled(
+    stretches: Sequence[Stretch], shifts: Mapping[int, float] | None = None
+) -> list[Samples]:
+    """The stretches of a log by rate and channels; runs follow one another in time, or begin so
+    much later (s). Where others move, those that rest throughout say nothing. Refused where no
+    stretch is long enough."""
     long = [s for s in stretches if len(s.u) >= const.SHORTEST and s.ok.any()]
     if not long:
         raise Refused(f"no {const.SHORTEST} sound samples stand in a row.", "Record a longer run.")
-    times = list(_times(long))
-    groups: dict[tuple, list[int]] = {}
-    for i, s in enumerate(long):
+    shifts = shifts or _in_turn(long)
+    groups: dict[tuple, list[Stretch]] = {}
+    for s in long:
         own = s.theta is None, s.w is None
-        alike = (k for k in groups if k[1:] == own and abs(s.dt / k[0] - 1.0) < const.SAME_RATE)
-        groups.setdefault(next(alike, (s.dt, *own)), []).append(i)
-    made = [Samples.of([long[i] for i in g], [times[i] for i in g]) for g in groups.values()]
+        alike = (k for k in groups if k[1:] == own and abs(s.dt / k[0] - 1.0) < const.SAME)
+        groups.setdefault(next(alike, (s.dt, *own)), []).append(s)
+    made = [Samples.of(g, [s.t + shifts[s.run] for s in g]) for g in groups.values()]
     return [one for one in made if one.moves] or made
 
 
-def _times(stretches: Sequence[Stretch]) -> Iterator[np.ndarray]:
-    """The times of each stretch: those of the first run as recorded, others behind it."""
-    shift, end, run = 0.0, float(stretches[0].t[0]), stretches[0].run
+def _in_turn(stretches: Sequence[Stretch]) -> dict[int, float]:
+    """How much later each run begins, s: the first one as recorded, others behind it."""
+    shifts, end = {stretches[0].run: 0.0}, 0.0
     for s in stretches:
-        if s.run != run:
-            shift, run = end + s.dt - float(s.t[0]), s.run
-        end = float(s.t[-1]) + shift
-        yield s.t + shift
+        shifts.setdefault(s.run, end + s.dt - float(s.t[0]))
+        end = float(s.t[-1]) + shifts[s.run]
+    return shifts
 
 
 class Sensors:
-    """theta and w of some runs with their noise, a late w corrected.
-
-    ``theta_variance`` and ``w_variance`` are those of white noise, inf where not recorded.
-    ``w`` (n,) is the speed that is used: None where there is none, where it only repeats the
-    encoder, late, where it is too late to say more, and where it is ``foreign``: no speed of theta.
+    """theta and w of some runs with their noise (variances, inf where not recorded), a late w
+    corrected: None where it says no more than theta, or is ``foreign``: no speed of theta.
     ``lag`` (s), ``offset`` (rad/s) and ``gain``, with their standard errors, are those of
 
         dtheta/dt = gain w(t + lag) - offset
@@ -213,13 +218,6 @@ class Sensors:
         own, unit = (local_noise(y, self.samples.pieces, quantile) for y in (x, white))
         return own / unit
 
-    def only(self, samples: Samples, at: Sequence[slice]) -> Sensors:
-        """The same channels in parts of the log."""
-        made = copy(self)
-        made.samples, made.theta = samples, samples.theta
-        made.w = None if self.w is None else joined(self.w, at)
-        return made
-
     def _differenced(self) -> bool:
         """Whether the noise of w is that of differences of theta: then w measures nothing."""
         assert self.theta is not None and self.w is not None
@@ -228,7 +226,7 @@ class Sensors:
             x, y = np.diff(self.w[at], 2)[1:-1], np.diff(self.theta[at], 3)
             if len(y) > const.LEAST_NOISE:
                 alike = max(alike, *(_alike(x, y[k : k + len(x)]) for k in (0, 1)))
-        return alike > const.ALIKE_NOISE
+        return alike > const.MOSTLY
 
     @property
     def late(self) -> bool:
@@ -260,40 +258,38 @@ class Sensors:
     def _moved(self, T: float) -> np.ndarray:
         """w(t + T)."""
         assert self.w is not None
-        if not T:
-            return self.w
         steps = -T / self.samples.dt
-        if abs(steps - round(steps)) < const.WHOLE_SAMPLE:
+        if abs(steps - round(steps)) < const.EXACT:
             return self.samples.each(lambda x: moved(x, round(steps)), self.w)
         return self.samples.each(lambda x: ndimage.shift(x, steps, order=3, mode="nearest"), self.w)
 
     def _reconcile(self) -> None:
         """Fit dtheta/dt = gain w(t + lag) + offset; a w that lags is un-filtered, as shifting would
         leave an error of second order. Beyond three samples it is shifted first."""
-        dt = self.samples.dt
-        half = max(4, int(const.KERNEL / dt))
-        phi = (1 - (np.arange(-half, half + 1) / half) ** 2) ** 3
-        phi /= phi.sum()
-        dphi = np.gradient(phi) / dt
         assert self.theta is not None
+        dt = self.samples.dt
+        half = max(4, int(const.SLOW / dt))
+        phi = np.pad(bump(half - 1), 1)
+        dphi = np.gradient(phi) / dt
         turned = self._windows(self.theta, dphi)
         moves = np.abs(turned) > const.AT_REST * np.max(np.abs(turned), initial=0.0)
         if moves.sum() < 8:
             return
-        shift = self._far(turned, phi)
+
+        def columns(T: float) -> np.ndarray:
+            w = self._moved(T)
+            parts = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
+            return np.column_stack(parts)
+
+        shift = self._far(turned, columns)
         for _ in range(3):
-            w = self._moved(shift)
-            columns = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
-            b, weights, scale = _robust_line(np.column_stack(columns), turned, moves)
-            rest = b[1] / b[0] if shift else b[1]
-            self.gain, self.lag = (
-                float(b[0]),
-                shift + float(np.clip(rest, -const.FILTER, const.FILTER)),
-            )
+            X = columns(shift)
+            b, weights, scale = _robust_line(X, turned, moves)
+            rest = float(np.clip(b[1] / b[0] if shift else b[1], -const.SLOW, const.SLOW))
+            self.gain, self.lag = float(b[0]), shift + rest
             if abs(self.lag) < min(3 * dt, 8e-3):
                 break
-            shift = float(np.clip(self.lag, -0.05, const.VERY_LATE))
-        X = np.column_stack(columns)
+            shift = float(np.clip(self.lag, -const.FAR_W, const.VERY_LATE))
         left = np.mean((turned - X @ b)[moves] ** 2)
         self.foreign = bool(left > const.MOSTLY**2 * np.mean(turned[moves] ** 2))
         if self.foreign:
@@ -304,8 +300,19 @@ class Sensors:
         self.gain_error, self.lag_error, self.offset_error = error.tolist()
         self.offset = -float(b[2]) if abs(b[2]) > 4 * error[2] else 0.0
         if abs(self.lag) > const.FAR_W:  # so late is no filter of one kind
-            self.lag_error = max(self.lag_error, 0.03 * abs(self.lag))
+            self.lag_error = max(self.lag_error, const.FAINT * abs(self.lag))
         self._correct(shift, scale * np.sqrt(0.5 * half) * 0.6)
+
+    def _far(self, turned: np.ndarray, columns: Function) -> float:
+        """How late w is (s) beyond what a filter does, by a grid; 0 where no delay fits clearly."""
+        grid = np.arange(0.0, const.VERY_LATE + 0.5 * const.LATE_STEP, const.LATE_STEP).tolist()
+        lines = [columns(T)[:, ::2] for T in grid if len(turned) >= const.SHORTEST] or [
+            turned[:, None]
+        ]
+        left = [rms(turned - X @ np.linalg.lstsq(X, turned, rcond=None)[0]) for X in lines]
+        best = int(np.argmin(left))
+        clear = grid[best] >= const.FAR_W and left[best] ** 2 < const.MOSTLY * left[0] ** 2
+        return grid[best] if clear else 0.0
 
     def _correct(self, shift: float, left: float) -> None:
         """w without its lag; ``left`` is the noise of a sample that the misfit means."""
@@ -319,23 +326,6 @@ class Sensors:
         if late:
             self.w_variance *= 1 + 0.5 * min((self.lag / dt) ** 2, 50.0)
         self.w_variance = max(self.w_variance, left**2)
-
-    def _far(self, turned: np.ndarray, phi: np.ndarray) -> float:
-        """How late w is (s) beyond what a filter does, by a grid; 0 where no delay fits clearly."""
-        if len(turned) < 40:
-            return 0.0
-        grid = np.arange(0.0, const.VERY_LATE + 0.005, 0.01)
-        misfit = []
-        for T in grid:
-            X = np.column_stack([self._windows(self._moved(T), phi), np.ones(len(turned))])
-            r = turned - X @ np.linalg.lstsq(X, turned, rcond=None)[0]
-            misfit.append(float(np.mean(r**2)))
-        best = int(np.argmin(misfit))
-        return (
-            float(grid[best])
-            if grid[best] >= const.FAR_W and misfit[best] < 0.5 * misfit[0]
-            else 0.0
-        )
 
 
 def _alike(x: np.ndarray, y: np.ndarray) -> float:
@@ -358,8 +348,8 @@ def _robust_line(
         root = weights[:, None] ** 0.5
         b = np.linalg.lstsq(X * root, y * root[:, 0], rcond=None)[0]
         r = y - X @ b
-        scale = 1.5 * float(np.median(np.abs(r[moves]))) + 1e-15
-        weights = 1 / (1 + (r / scale) ** 2 / NU)
+        scale = 1.5 * float(np.median(np.abs(r[moves]))) + TINY
+        weights = weight(r / scale)
     return b, weights, scale
 
 
@@ -384,13 +374,6 @@ class Smoother:
             self.variance = sensors.w_variance * self.dt**2 * const.DRIFT + 1e-300
         self.of_w = 0.0 if self.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
         self._systems: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-
-    def only(self, samples: Samples, at: Sequence[slice]) -> Smoother:
-        """The same for parts of the log."""
-        made = copy(self)
-        made.sensors, made.theta = self.sensors.only(samples, at), joined(self.theta, at)
-        made.w, made._systems = made.sensors.w, {}
-        return made
 
     def _system(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Penalty and data matrices of n samples, upper banded (5, n)."""
@@ -427,11 +410,11 @@ class Smoother:
         grid = 10.0 ** np.arange(8, -3, -0.5)
         for stiffness in grid:
             x = self(stiffness, self.theta, self.w)
-            misfit = np.mean(np.minimum((self.theta - x) ** 2 / self.variance, const.FAR_RESIDUAL))
+            misfit = np.mean(np.minimum((self.theta - x) ** 2 / self.variance, const.CLIP**2))
             if self.w is not None:
                 w = self.sensors.samples.each(lambda y: slope(y, self.dt), x)
                 of_w = (self.w - w) ** 2 / self.sensors.w_variance
-                misfit = max(misfit, np.mean(np.minimum(of_w, const.FAR_RESIDUAL)))
+                misfit = max(misfit, np.mean(np.minimum(of_w, const.CLIP**2)))
             if misfit < const.NOISE_FIT:
                 return float(stiffness)
         return float(grid[-1])
@@ -482,19 +465,6 @@ class SmoothRuns:
         few = samples.some(const.ENOUGH)
         judge = smoother if few is samples else Smoother(Sensors(few))
         return cls(smoother, judge.stiffness())
-
-    def only(self, at: Sequence[slice]) -> SmoothRuns:
-        """Parts of the log, as smooth as it is."""
-        made, k = copy(self), self.between
-        made.samples = self.samples.only(at)
-        made.smoother = self.smoother.only(made.samples, at)
-        made.sensors = made.smoother.sensors
-        for key in ("theta", "w", "acceleration", "path", "shake"):
-            setattr(made, key, joined(getattr(self, key), at))
-        fine = [slice(k * one.start, k * one.stop) for one in at]
-        made.fine_w = joined(self.fine_w, fine)
-        made.fine_steps = made._joined(joined(np.r_[self.fine_steps, 0.0], fine)[:-1], k)
-        return made
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         return self.samples.each(lambda y: slope(y, self.dt), x)
@@ -595,11 +565,12 @@ class Motion:
     def __len__(self) -> int:
         return len(self.t)
 
-    def _each(self, function: Callable[[SmoothRuns, np.ndarray], np.ndarray], x: np.ndarray):
-        if len(self.runs) == 1:
-            return function(self.main, x)
-        pairs = zip(self.runs, self.at, strict=True)
-        return np.concatenate([function(r, x[at]) for r, at in pairs])
+    def each(self, function: Callable[[np.ndarray, float], np.ndarray], x: np.ndarray):
+        """``function(x, dt)`` of each piece of x (n, ...): nothing looks across a cut."""
+        made = np.zeros(x.shape)
+        for at, dt in self.pieces:
+            made[at] = function(x[at], dt)
+        return made
 
     def held(self, u: np.ndarray) -> np.ndarray:
         """Mean (n,) or (n, k) around each sample of a torque held from each to the next."""
@@ -615,11 +586,11 @@ class Motion:
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         """dx/dt (n,), piece by piece."""
-        return self._each(lambda r, y: r.slope(y), x)
+        return self.each(slope, x)
 
     def bend(self, x: np.ndarray) -> np.ndarray:
         """Second derivative of x (n,), piece by piece."""
-        return self._each(lambda r, y: r.bend(y), x)
+        return self.each(bend, x)
 
     def coarse(self, X: np.ndarray) -> np.ndarray:
         """Values between the samples (k n,) or (k n, m) -> at the samples."""

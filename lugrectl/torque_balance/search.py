@@ -8,26 +8,20 @@ a change of the torque itself; anything else by a grid around its default.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from itertools import combinations, product
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from ..blocks.block import Block, P, members
-from ..core.regression import Prior
+from ..core.regression import TINY, Prior
 from . import constants as const
-from .columns import Along, lanes, linear, needs_inertia, of_motion, refused, searched
-from .friction import Seen
+from .columns import Along, lanes, linear, needs_inertia, refused, searched
 from .table import Contender, Table, is_lateness, likeliest
 
 OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of friction: see last_fit
 
 Values = dict[str, float]
-
-
-def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
-    """Sets of values as a key."""
-    return tuple([tuple(values.items()) for values in sets])
 
 
 def polish(
@@ -36,33 +30,20 @@ def polish(
     """The largest gain near x (k,), around the tops of parabolas; ``gains`` of points at once."""
     centre, size = np.array(x, float), np.array(step, float)
     one = np.eye(len(centre))
-    both = [a + b for a, b in combinations(one, 2)]
-    around = np.vstack([0 * one[:1], one, -one, *both])
+    around = np.vstack([0 * one[:1], one, -one])
     best, most = centre, -np.inf
     for _ in range(turns):
         made = gains(centre + around * size)
         i = int(np.argmax(made))
         if made[i] > most:
             best, most = centre + around[i] * size, float(made[i])
-        top = _top(around, made)
-        centre = best if top is None else centre + top * size
-        size = size * (1.0 if top is None and i else const.CLOSER)
+        up, down = np.split(made[1:], 2)
+        bend = 2 * made[0] - up - down
+        top = 0.5 * (up - down) / np.maximum(bend, TINY)
+        near = bool(np.all(bend > 0) and np.max(np.abs(top)) < const.FARTHEST)
+        centre = centre + top * size if near else best
+        size = size * (const.CLOSER if near or i == 0 else 1.0)
     return best
-
-
-def _top(around: np.ndarray, values: np.ndarray) -> np.ndarray | None:
-    """Where the parabola through values (m,) at points (m, k) is highest; None if not near."""
-    k = around.shape[1]
-    i, j = np.triu_indices(k)
-    A = np.column_stack([np.ones(len(around)), around, around[:, i] * around[:, j]])
-    b = np.linalg.solve(A, values)
-    H = np.zeros((k, k))
-    H[i, j] += b[k + 1 :]
-    H = H + H.T
-    if np.linalg.eigvalsh(H)[-1] >= 0:
-        return None
-    top = -np.linalg.solve(H, b[1 : k + 1])
-    return top if np.max(np.abs(top)) < const.FARTHEST else None
 
 
 def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -> float:
@@ -74,11 +55,9 @@ def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -
 
 
 class Search:
-    """All contenders beside one base; ``tried``: whether they promise something or not.
-
-    ``sure``: the log determines the inertia; else only what does not depend on it is tried.
-    ``memory`` keeps the loads that earlier searches beside other bases found.
-    """
+    """All contenders beside one base; ``tried``: whether they promise something or not. ``sure``:
+    the log determines the inertia; else only what does not depend on it is tried. ``memory`` keeps
+    the loads that earlier searches beside other bases found."""
 
     def __init__(
         self,
@@ -94,11 +73,6 @@ class Search:
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
-        chosen = [c for c in table.chosen if c.block is not None]
-        self.changed = {
-            "u": tuple((c.name, *kept(c.each)) for c in chosen if c.u is not None),
-            "load": tuple((c.name, *kept(c.each)) for c in chosen if c.block and c.block.load),
-        }
         self.turns = 2 if table.quick and only is None else const.TURNS
         self.few = self._at_rows()
 
@@ -152,21 +126,14 @@ class Search:
             pieces=pieces, level=a.level[at], J=a.J, values=a.values, d=v.K @ v.motion.d, **means,
         )  # fmt: skip
 
-    def _seen(self, block: Block, sets: Sequence[Values], screening: bool = False) -> Seen:
-        """Columns of an effect at each set of values, in the rows (m, k sets); for ``screening`` by
-        the signals at the rows, where it has no memory. What has been made of the same motion,
-        friction and torque is not made again."""
+    def _seen(
+        self, block: Block, sets: Sequence[Values], screening: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Columns of an effect at each set of values, in the rows (m, k sets), and the bounds of
+        their coefficients; for ``screening`` by the signals at the rows, where it has no memory."""
         few = screening and not (block.states or block.exact is not None or self.view.is_map)
-
-        def made() -> Seen:
-            each = lanes(block, sets, self.few if few else self.along)
-            parts = [x for x in (each.wide, each.narrow) if x is not None]
-            rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
-            return Seen(rows, each.low, each.high)
-
-        drive = [] if of_motion(block) else [self.view.settled]
-        drive += [chosen for signal, chosen in self.changed.items() if signal in block.reads]
-        return self.view.once((block.name, few, *kept(sets), *drive), made)
+        each = lanes(block, sets, self.few if few else self.along)
+        return each.torque if few else self.view.in_rows(each), each.low, each.high
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
         """Gain of each set of values."""
@@ -176,7 +143,7 @@ class Search:
         p = block.own[block.gain]
         meant = (b >= p.low) & (b <= p.high)
         if any(one.passed for one in block.own.values()):
-            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < const.MINORITY
+            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < const.PART
         return np.where(meant, gain, 0.0)
 
     def _each(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
@@ -185,8 +152,8 @@ class Search:
         inside = [i for i, q in enumerate(sets)
                   if all(own[k].low <= x <= own[k].high for k, x in q.items())]  # fmt: skip
         if inside:
-            each = lanes(block, [sets[i] for i in inside], self.along)
-            made[inside] = np.nan_to_num(self._gains(block, self.view.in_rows(each)), nan=-1.0)
+            X = self._seen(block, [sets[i] for i in inside])[0]
+            made[inside] = np.nan_to_num(self._gains(block, X), nan=-1.0)
         return made
 
     def _polished(
@@ -253,7 +220,7 @@ class Search:
             N = N[N >= 2]  # a torque of order 1 is gravity
         if not len(N):
             return
-        X = self._seen(block, [{key: n} for n in N], screening=True).rows
+        X = self._seen(block, [{key: n} for n in N], screening=True)[0]
         if not self.view.is_map:  # the middle of a row stands for its window
             X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
         gains = self.table.gains_of_pairs(X)
@@ -276,7 +243,7 @@ class Search:
         W = {i: table.beside(X[:, 2 * i : 2 * i + 2]) for i in pool}
         left, least = table.rest_of_y.copy(), 2 * (const.SCREEN + np.log(len(N)))
         whole = float(np.sum((table.y * table.root) ** 2))
-        while len(chosen) < const.WAVES_AT_ONCE:
+        while len(chosen) < const.FIRSTS:
             # waves over less than a turn imitate one another
             W = {i: w for i, w in W.items()
                  if all(abs(N[i] - N[j]) * self.span > 4 for j in chosen)}  # fmt: skip
@@ -287,7 +254,7 @@ class Search:
             power = float(fits[i] @ fits[i])
             if power / table.scale**2 < max(least, 0.01 * gains.max()):
                 break
-            if not chosen and power < const.MAIN_WAVE * whole:
+            if not chosen and power < const.MUCH * whole:
                 return  # a series of small waves is any function of the angle
             chosen.append(i)
             q, _ = np.linalg.qr(W.pop(i))
@@ -313,13 +280,13 @@ class Search:
 
         room = np.sum(table.root**2) - np.sum([spectrum(q) for q in table.Q.T], axis=0)
         # a wave of few periods is any course in time
-        seen = (f > max(0.2, const.PERIODS / T)) & (f < min(60.0, 0.4 / step))
+        seen = (f > max(0.2, const.AGAIN / T)) & (f < min(60.0, 0.4 / step))
         if not seen.any():
             return
         power = spectrum(table.rest_of_y) / np.maximum(room, 1e-3 * room.max()) * seen
         q = {key: float(f[int(np.argmax(power))])}
         q = self._polished(block, q, {key: 0.15 / T}, power.max() / table.scale**2)
-        if q[key] * T > const.PERIODS:
+        if q[key] * T > const.AGAIN:
             yield self._contender(block, q, cost=float(np.log(seen.sum() / 2)))
 
     def _of_input(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
@@ -411,7 +378,7 @@ class Search:
         return made | ({"gap": float(gap)} if "gap" in keys else {})
 
     def _loads(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
-        return self._gains(block, self._seen(block, sets).rows)
+        return self._gains(block, self._seen(block, sets)[0])
 
     def _of_any(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """A grid of all values, the best of it polished."""
@@ -423,7 +390,7 @@ class Search:
         if self.view.is_map:  # few rows: each is entered, as the screening knows no bounds
             yield from (self._contender(block, q, cost=cost) for q in sets)
             return
-        gains = self._gains(block, np.nan_to_num(self._seen(block, sets, screening=True).rows))
+        gains = self._gains(block, np.nan_to_num(self._seen(block, sets, screening=True)[0]))
         q = sets[int(np.argmax(gains))]
         steps = {k: 0.5 * float(np.gradient(g)[g == q[k]][0]) if len(g) > 1 else 0.1
                  for k, g in zip(keys, grids, strict=True) if not own[k].choices}  # fmt: skip
@@ -432,6 +399,12 @@ class Search:
     def _grid(self, block: Block, p: P, many: int) -> np.ndarray:
         """Values of any parameter, within its bounds."""
         m = self.view.motion
+        # a width, no place; a memory may be as short as a row
+        scales = {
+            "rad": (0.01 * self.span, self.span),
+            "rad/s": (0.003 * m.top, m.top),
+            "s": (self.view.rows.h if block.states else 0.05 * m.duration, 3 * m.duration),
+        }
         if p.choices:
             return np.array(p.choices)
         if p.grid is not None:
@@ -442,15 +415,10 @@ class Search:
             grid = np.r_[ends, m.theta.min() + inner, m.theta.max() - inner]
         elif p.instant:
             grid = m.t.min() + np.linspace(0.04, 0.96, 93) * m.duration
-        elif p.unit == "rad" and p.low >= 0:  # a width, no place
-            grid = self.span * np.geomspace(0.01, 1.0, many)
+        elif p.low >= 0 and p.unit in scales:
+            grid = np.geomspace(*scales[p.unit], many)
         elif p.unit == "rad":
             grid = np.quantile(m.theta, (np.arange(4 * many) + 0.5) / (4 * many))
-        elif p.unit == "rad/s":
-            grid = m.top * np.geomspace(0.003, 1.0, many)
-        elif p.unit == "s":  # a memory may be as short as a row
-            fast = self.view.rows.h if block.states else 0.05 * m.duration
-            grid = np.geomspace(fast, 3 * m.duration, many)
         elif np.isfinite(p.low) and np.isfinite(p.high) and not 0 < 100 * p.low < p.high:
             grid = np.linspace(p.low, p.high, many)
         else:

@@ -1,15 +1,9 @@
 """The log as the table sees it: motion, windows, declared effects with all of their values; of a
 long log parts that are enough.
 
-What the channels have that is none of the drive, u that was logged late, w that is not 0 at rest,
-is a row of the table beside the base; a proven one is undone before anything is asked.
-
-A bus or a filtered current makes u late. The base knows lateness as a slope du/dt, which is true
-for a hold; where that reaches its bound, the column itself is tried earlier. Where w stands alone,
-the place of the step of friction tells its offset.
-
-What rows tell of a model grows with their number, what a search costs, too: beyond some minutes
-more of the same motion decides nothing.
+What the channels have that is none of the drive is a row of the table beside the base; a proven one
+is undone before anything is asked: u that was logged late (where its slope reaches the bound of the
+base, the column is tried earlier), a w without theta that is not 0 at rest, where friction jumps.
 """
 
 from __future__ import annotations
@@ -17,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,8 +23,8 @@ from ..core.option_names import option
 from ..core.regression import Prior, log_density, paired, robust
 from ..record import Stretch
 from . import constants as const
-from .columns import columns, linear, searched
-from .friction import Term, View, declared_terms, places
+from .columns import Along, columns, linear, searched
+from .friction import Term, View, declared_terms
 from .maps import Still, is_map, map_of
 from .motion import Motion, sampled
 from .search import Search, golden
@@ -51,7 +45,7 @@ def logged_late(view: View, table: Table) -> float:
 
     def gain(T: float) -> float:
         made = row(T)  # of a u that is moved away from all motion nothing is left, nor of J
-        return made.gain if made.J > const.KEPT * table.J else -np.inf
+        return made.gain if made.J > const.MOSTLY * table.J else -np.inf
 
     best = float(grid[int(np.argmax([gain(T) for T in grid]))])
     best = golden(gain, max(best - const.LATE_STEP, 0.0), best + const.LATE_STEP)
@@ -100,7 +94,7 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
     e = scores(best) - np.log(len(grid)) / len(table.e)
     if not proven(*paired(e, table.e)):
         return 0.0, 0.0
-    step = const.NEAR_BY * abs(best)
+    step = const.NEAR * abs(best)
     up, down = scores(best + step), scores(best - step)
     bend = float(np.sum(2 * scores(best) - up - down)) / step**2
     error = (
@@ -125,45 +119,35 @@ COASTS = (
 )
 ONE_TORQUE = "u has one value in each direction ({}): with that, any inertia explains the motion."
 TWO = "Record two or more torques in one direction, or declare J."
-OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
-FOLLOWS = "u follows the motion, or has the wrong sign: give {}."
-AGAINST = f"the log contradicts the declared inertia, of which u has nothing: {FOLLOWS}"
-NEGATIVE = f"the inertia comes out negative and there is no friction: {FOLLOWS}"
+OPPOSED = "the torque opposes the motion that it should sustain, at every speed"
+AGAINST = "the log contradicts the declared inertia, of which u has nothing"
+NEGATIVE = "the inertia comes out negative and there is no friction"
+UNTRUE = "{}: u follows the motion, or has the wrong sign: give {}."
 COMMANDED = "Log the commanded torque, positive where it speeds up positive motion."
-TURN = "Check the sign of u; {} reverses it."
 Range = tuple[float, float] | None
 
 
-class Log(NamedTuple):
-    """A log as the table sees it, ``few`` rows that are enough for a search (itself where it is
-    short), and a table of these; None where it was not asked whether the channels are sound."""
-
-    view: View
-    few: View
-    width: Width | Still
-    table: Table | None = None
-
-
-def seen(stretches: Sequence[Stretch], model: Model) -> Log:
-    """The log with motion, windows and declared effects with a value of everything; or a map."""
+def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, View, Width | Still]:
+    """The log with motion, windows and declared effects with a value of everything; rows of it that
+    are enough for a search (itself where it is short); what it tells of the inertia. Or a map."""
     if is_map(stretches):
         view = map_of(stretches, model)
-        return Log(view, view, Still())
+        return view, view, Still()
     motion = Motion.of(sampled(stretches))
-    here, width = places(motion), wide_enough(motion, model)
+    here, width = Along.of(motion), wide_enough(motion, model)
     view = View(motion, Rows(motion, width.h), model, width.range, declared_terms(model, here))
     view.sure = width.sure
-    few = enough(view, width)
+    few = enough(view, width, stretches)
     find_open(few, width.sure)
     view.terms = few.terms
     if np.ptp(motion.u) == 0:
-        return Log(view, few, width)
+        return view, few, width
     table = Table(few)
     late, (above, error) = logged_late(few, table), speed_offset(few, table)
     if not (late or above):
-        return Log(view, few, width, table)
+        return view, few, width
     made = seen(as_acted(stretches, late, above), model)
-    for one in {id(v): v for v in (made.view, made.few)}.values():
+    for one in {id(v): v for v in made[:2]}.values():
         one.logged_late += late
         one.w_above = one.w_above[0] + above, max(one.w_above[1], error)
     return made
@@ -171,7 +155,7 @@ def seen(stretches: Sequence[Stretch], model: Model) -> Log:
 
 def wide_enough(motion: Motion, model: Model) -> Width:
     """The windows of a log, and what it tells of the inertia."""
-    known, here = model.known(), places(motion)
+    known, here = model.known(), Along.of(motion)
     turns = motion.span > 2 and model.motion != "linear"
     weight = columns(members("effect")["gravity"], {}, here).wide
     level = motion.theta - motion.theta.mean()
@@ -187,7 +171,7 @@ def wide_enough(motion: Motion, model: Model) -> Width:
     if wave:  # at windows this narrow noise would take the inertia
         narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
         width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
-        width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
+        width.range = (J / const.GROWN, const.GROWN * J) if J and width.sure else width.range
     width.range = inertia_range(width.range, model)
     return width
 
@@ -205,12 +189,11 @@ def refuse_dead(view: View, width: Width | Still) -> None:
         ways = [m.u[at[side * m.w[at] > 0]] for side in (1, -1)]
         values = [f"{np.median(u):.3g} {unit}" for u in ways if len(u)]
         raise Refused(ONE_TORQUE.format(", ".join(values)), TWO)
-    if view.backward:
-        raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
-    if width.against and not coasts:
-        raise Refused(AGAINST.format(option("scale", "u=-1")), COMMANDED)
-    if width.impossible and not view.declared.get("J"):
-        raise Refused(NEGATIVE.format(option("scale", "u=-1")), COMMANDED)
+    untrue = OPPOSED if view.backward else ""
+    untrue = AGAINST if width.against and not coasts else untrue
+    untrue = NEGATIVE if width.impossible and not view.declared.get("J") else untrue
+    if untrue:
+        raise Refused(UNTRUE.format(untrue, option("scale", "u=-1")), COMMANDED)
 
 
 def one_torque(view: View) -> bool:
@@ -253,7 +236,7 @@ def _missing(term: Term) -> list[str]:
     return [k for k in searched(term.block) if k not in term.q]
 
 
-def enough(view: View, width: Width) -> View:
+def enough(view: View, width: Width, stretches: Sequence[Stretch]) -> View:
     """The view of PARTS of a long log: evenly spread ones, and the STRANGE of which a plain balance
     leaves most, wherever something happens once. Itself where the log is short."""
     m = view.motion
@@ -262,39 +245,23 @@ def enough(view: View, width: Width) -> View:
         return view
     length = seconds / const.PARTS
     chosen = np.zeros(int(m.duration / length) + 1, bool)
-    chosen[_spread(len(chosen))] = True
-    order = np.argsort(np.where(chosen, -1.0, _left(width, length, len(chosen))))
-    chosen[order[-const.STRANGE :]] = True
-    few = _only(m, chosen[(m.elapsed / length).astype(int)])
+    i = np.arange(const.PARTS - const.STRANGE)  # one in each of equal periods, at all distances
+    chosen[((i + const.GOLDEN * i % 1.0) * len(chosen) / len(i)).astype(int)] = True
+    left = np.bincount((width.t / length).astype(int), width.r**2, len(chosen))
+    chosen[np.argsort(np.where(chosen, -1.0, left))[-const.STRANGE :]] = True
+    runs, first = np.unique(m.run, return_index=True)
+    shifts = dict(zip(runs.tolist(), (m.t - m.stamp)[first].tolist(), strict=True))
+    parts = []
+    for s in stretches:
+        if s.run in shifts:
+            place = (s.t + (shifts[s.run] - m.t.min())) / length
+            here = chosen[np.clip(place.astype(int), 0, len(chosen) - 1)]
+            ends = np.r_[0, np.flatnonzero(np.diff(here)) + 1, len(here)].tolist()
+            parts += [_part(s, slice(a, b)) for a, b in pairwise(ends) if here[a]]
+    few = Motion.of(sampled(parts, shifts))
     return view.by(few, Rows(few, view.rows.h))
 
 
-def _spread(number: int) -> np.ndarray:
-    """Places of parts among so many, one in each of equal periods but not at equal distances."""
-    i = np.arange(const.PARTS - const.STRANGE)
-    return ((i + const.GOLDEN * i % 1.0) * number / len(i)).astype(int)
-
-
-def _left(width: Width, length: float, number: int) -> np.ndarray:
-    """What a plain balance leaves (number,) of each part: the mean square of its worst block."""
-    block = (width.t / const.BLOCK).astype(int)
-    many = np.maximum(np.bincount(block), 1)
-    power = np.bincount(block, width.r**2) / many
-    made = np.zeros(number)
-    part = np.minimum((np.arange(len(power)) * const.BLOCK / length).astype(int), number - 1)
-    np.maximum.at(made, part, power)
-    return made
-
-
-def _only(motion: Motion, here: np.ndarray) -> Motion:
-    """The motion in the samples ``here`` (n,), cut where they do not go on."""
-    runs = []
-    for r, own in zip(motion.runs, motion.at, strict=True):
-        at = []
-        for piece in r.samples.pieces:
-            change = np.flatnonzero(np.diff(here[own][piece])) + 1 + piece.start
-            ends = [piece.start, *change.tolist(), piece.stop]
-            at += [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)
-                   if here[own][a] and b - a >= const.SHORTEST]  # fmt: skip
-        runs += [r.only(at)] if at else []
-    return Motion(runs)
+def _part(s: Stretch, at: slice) -> Stretch:
+    own = {k: getattr(s, k) for k in ("t", "u", "theta", "w", "ok", "d")}
+    return replace(s, **{k: x[at] for k, x in own.items() if x is not None})

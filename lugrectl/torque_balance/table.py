@@ -1,10 +1,8 @@
 """The table: one base row and one row for each contender, every row a regression of its own.
 
 A row counts by the density of the motion given the torque, block by block under fits that have not
-seen the block: the residual over the inertia, so that what imitates u, and takes the inertia with
-it, gains nothing.
-
-Unknown torques: smooth functions of each set of signals, as rows of the table.
+seen the block: the residual over the inertia, so that what imitates u gains nothing. Unknown
+torques are smooth functions of each set of signals.
 """
 
 from __future__ import annotations
@@ -108,12 +106,9 @@ class Contender:
 
 
 class Table:
-    """The base as it stands (the declared model and what was chosen) and scores beside it.
-
-    ``quick`` is the first pass, in which fits are scored on the rows that they have seen. ``e``
-    (blocks,) is the score of the base, ``left`` the share of friction that it does not explain. A
-    given ``scale`` of the residual says that friction's shape is settled already.
-    """
+    """The base as it stands (the declared model and what was chosen) and scores beside it: ``e``
+    (blocks,) is its score, on rows that fits have seen in the ``quick`` first pass, ``left`` what
+    it does not explain. A given ``scale`` says that friction's shape is settled already."""
 
     def __init__(self, view: View, scale: float | None = None) -> None:
         self.view = view
@@ -133,7 +128,7 @@ class Table:
         else:
             found = v.choose(self.scale, beside)
             self.scale = found if self.scale is None else self.scale
-        self.X, self.y, self.prior = v.B, v.y, v.prior(v.B)
+        self.X, self.y, self.prior = v.B, v.y, v.prior
         joined = {t.key for t in v.terms}
         self.imitates = np.array(
             [n in IMITATES or isinstance(n, tuple) and n[0] in joined for n in v.names]
@@ -143,7 +138,6 @@ class Table:
 
     def settle(self) -> None:
         v = self.view
-        self._laws: dict[tuple[int, ...], np.ndarray] = {}
         fit = self.fit = robust(self.X, self.y, self.prior, self.scale, v.noise)
         self.J = max(float(fit.b[0]), 1e-9 * self.scale / (rms(v.rows.a) or 1.0))
         if not self.chosen:  # what effects scale is the friction and inertia of the declared model
@@ -191,29 +185,19 @@ class Table:
         W = C * self.root[:, None]
         before = (W * W).sum(axis=0)
         W = W - self.Q @ (self.Q.T @ W)
-        new = (W * W).sum(axis=0) > const.NEW**2 * before  # else the base has it already
+        new = (W * W).sum(axis=0) > const.SLIGHT**2 * before  # else the base has it already
         return W * new
-
-    def _told(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Products of weighted columns without what the base explains of them: with what it leaves
-        of y, with themselves, and of each first with each second one."""
-        W = C * self.root[:, None]
-        P = self.Q.T @ W
-        before = _products(W, W)
-        n = before - _products(P, P)
-        new = n > const.NEW**2 * before  # else the base has it already
-        x = _products(W[:, :-1:2], W[:, 1::2]) - _products(P[:, :-1:2], P[:, 1::2])
-        both = new[:-1:2] & new[1::2]
-        return W.T @ self.rest_of_y * new, n * new + TINY, x * both
 
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What each column takes off the weighted sum of squares (nats, doubled); coefficients."""
-        c, n, _ = self._told(C)
+        W = self.beside(C)
+        c, n = W.T @ self.rest_of_y, (W * W).sum(axis=0) + TINY
         return c**2 / n / self.scale**2, c / n
 
     def gains_of_pairs(self, C: np.ndarray) -> np.ndarray:
         """The same for columns two by two."""
-        c, n, x = self._told(C)
+        W = self.beside(C)
+        c, n, x = W.T @ self.rest_of_y, (W * W).sum(axis=0), (W[:, ::2] * W[:, 1::2]).sum(axis=0)
         det = np.maximum(n[::2] * n[1::2] - x * x, 1e-9 * n[::2] * n[1::2])
         both = c[::2] ** 2 * n[1::2] - 2 * c[::2] * c[1::2] * x + c[1::2] ** 2 * n[::2]
         return both / (det + TINY) / self.scale**2
@@ -233,7 +217,7 @@ class Table:
         """The contenders that come near the best one, by what the screening promises of each."""
         made: list[Contender] = []
         for promise, c in sorted(promised, key=lambda pair: -pair[0]):
-            if promise < const.FAR_BEHIND * max((one.gain for one in made), default=0.0):
+            if promise < const.FAINT * max((one.gain for one in made), default=0.0):
                 break
             made.append(self.enter(c))
         return made
@@ -266,22 +250,10 @@ class Table:
             tau = tau + self.y - c.y - c.lateness * self.X[:, 1] * self.fit.b[1]
         law = (self.own if c.depends_on else self.imitates) & self.fit.free[:own]
         at = np.flatnonzero(np.r_[law, self.fit.free[own:]])
-        c.share = rms(self._beside_law(tau, at)) / v.size
+        X = self.X[:, at]
+        c.share = rms(tau - X @ np.linalg.lstsq(X, tau, rcond=None)[0]) / v.size
         if c.depends_on:  # beside what a bound of the base holds it may be large: it is not
             c.share = min(c.share, self.stays)
-        J = v.declared.get("J")
-        if c.inertial and J and self.J > const.GROWN * J > c.fit.b[0]:
-            # the inertia that was not declared is its trace as well
-            c.share = max(c.share, rms(c.X[:, -1] * c.fit.b[-1]) / v.size)
-
-    def _beside_law(self, tau: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """A torque (m,) without what columns of the base can imitate."""
-        key = tuple(at.tolist())
-        if key not in self._laws:
-            U, size, _ = np.linalg.svd(self.X[:, at], full_matrices=False)
-            self._laws[key] = U[:, size > np.finfo(float).eps * len(U) * np.max(size, initial=0.0)]
-        U = self._laws[key]
-        return tau - U @ (U.T @ tau)
 
     def extend(self, c: Contender) -> None:
         """The chosen contender becomes part of the base."""
@@ -292,9 +264,6 @@ class Table:
                 self.prior = self.prior.but(1, low=-1e-12, high=1e-12)
         self.chosen.append(c)
         self.settle()
-
-    def mark(self) -> tuple[Any, ...]:
-        return self.X, self.y, self.prior, self.view.u
 
     def back(self, mark: tuple[Any, ...]) -> None:
         """The base as it was before anything was chosen."""
@@ -329,7 +298,7 @@ class Table:
 
     def _weigh(self, X: np.ndarray, r: np.ndarray, prior: Prior) -> None:
         """Scale of the residual, and weights, as a fit without the row would leave it."""
-        most = 5 * spread(r)
+        most = const.CLIP * spread(r)
         r = np.clip(r, -most, most)
         wider = np.sqrt(1 + min(0.5, X.shape[1] / len(r)))
         scale = 1.38 * float(np.median(np.abs(r))) * wider + TINY
@@ -341,11 +310,6 @@ class Table:
         self.scale = max(scale, 1.38 * float(np.median(alone)), alike)
         self.rest = rms(r) / self.view.size
         self.weights = weight(r / self.scale)
-
-
-def _products(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Of each column of A with that of B."""
-    return np.einsum("ij,ij->j", A, B)
 
 
 Signals = tuple[str, ...]
@@ -387,8 +351,9 @@ class Unknown:
         size = max(np.quantile(np.abs(u), 0.995), 0.1 * np.abs(u).max(), TINY)
         of_u = spline(0.5 + 0.5 * np.clip(u / size, -1, 1), 12)
         friction = np.column_stack([v.z, m.w / m.top])
+        of_u = of_u[:, np.mean(of_u > 0.05, axis=0) > 0.02]  # one that is rare is u elsewhere
         if self.sure:  # without J any function of u is u
-            yield ("u",), [K @ without_line(often(of_u), u)]
+            yield ("u",), [K @ without_line(of_u, u)]
         here = [K @ (v.z[:, None] * place) for place in self.places]
         yield ("theta", "w"), [*here, self.mixed]
         yield ("t", "w"), [K @ product(self.times, friction)]
@@ -401,7 +366,7 @@ class Unknown:
         made, quick = [], self.table.quick
         for depends_on, bases in self._bases():
             for C in bases if self.view.signals >= set(depends_on) else ():
-                for size in (const.UNKNOWN_QUICK,) if quick else const.UNKNOWN_SIZES:
+                for size in (const.MUCH,) if quick else const.UNKNOWN_SIZES:
                     c = self._contender(depends_on, C, size, len(bases))
                     c.gain = self.table.promise(c) - c.cost
                     made.append(c)
@@ -448,8 +413,3 @@ def without_line(X: np.ndarray, u: np.ndarray) -> np.ndarray:
     """X without what 1 and u explain of it."""
     A = np.column_stack([np.ones(len(u)), u])
     return X - A @ np.linalg.lstsq(A, X, rcond=None)[0]
-
-
-def often(X: np.ndarray) -> np.ndarray:
-    """Columns that are not zero on 2 % of the samples: without u, a rare one is u elsewhere."""
-    return X[:, np.mean(X > 0.05, axis=0) > 0.02]

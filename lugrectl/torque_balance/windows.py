@@ -1,9 +1,8 @@
 """Rows of the weak form: smooth windows over the log, as narrow as the noise allows.
 
-Every signal x(t) becomes means K x over windows; those of the torque are also sent through what
-the smoothing did to the motion. Errors in the acceleration take inertia away, and less so in wider
-windows. Where no inertia is declared, windows are as narrow as those that agree on it with wider
-ones.
+Every signal x(t) becomes means K x over windows; the torque is also sent through what the smoothing
+did to the motion. Errors in the acceleration take inertia away, less so in wider windows: where it
+is not declared, windows are as narrow as those that agree on it with wider ones.
 """
 
 from __future__ import annotations
@@ -19,15 +18,9 @@ from scipy.sparse import block_diag, csr_matrix
 
 from ..core.errors import Refused
 from ..core.numeric import rms
-from ..core.regression import Prior, normal_equations, robust, weight
+from ..core.regression import TINY, Prior, normal_equations, robust, weight
 from . import constants as const
-from .motion import Motion, SmoothRuns
-
-
-def bump(half: int) -> np.ndarray:
-    """Weights (2 half + 1,) of a window: smooth, positive, sum 1."""
-    phi = (1 - (np.arange(-half, half + 1) / (half + 1)) ** 2) ** 3
-    return phi / phi.sum()
+from .motion import Motion, SmoothRuns, bump
 
 
 def centres(pieces: Sequence[slice], reach: int, step: int) -> np.ndarray:
@@ -45,16 +38,11 @@ def averages(kernel: np.ndarray, at: np.ndarray, n: int) -> csr_matrix:
     return csr_matrix((np.tile(kernel, len(at)), columns, ends), (len(at), n))
 
 
-def half_samples(h: float, dt: float) -> int:
-    """Half-width in samples of a window of half-width h (s)."""
-    return max(2, int(round(h / dt)))
-
-
 class _Windows:
     """The windows of the runs of one rate."""
 
     def __init__(self, runs: SmoothRuns, h: float, top: float, sparser: int = 1) -> None:
-        samples, n, half = runs.samples, len(runs.samples), half_samples(h, runs.dt)
+        samples, n, half = runs.samples, len(runs.samples), max(2, round(h / runs.dt))
         phi, soft = bump(half), len(runs.pulse) > 3
         kernel = np.convolve(phi, runs.pulse) if soft else phi
         width = max(half, 0.8 * 3.53 * runs.spread) if soft else half
@@ -73,7 +61,7 @@ class _Windows:
             const.AT_REST * top, 3 * noise, 0.5 * s.count / h
         )  # at rest friction is anything
         keep = (K @ np.abs(runs.w) > slow) & (
-            K @ (np.abs(runs.w) < const.AT_REST * top) < const.STILL
+            K @ (np.abs(runs.w) < const.AT_REST * top) < const.MUCH
         )
         if not samples.ok.all():
             keep &= K @ (~samples.ok).astype(float) < 1e-9
@@ -84,21 +72,15 @@ class _Windows:
 
 
 class Rows:
-    """The rows that are used, of windows of half-width ``h`` (s).
-
-    ``K`` (m, n) averages a signal as the motion was averaged, ``narrow`` (m, n) what is linear in
-    the smooth motion. ``t`` (m,) are times from the start, ``w`` the speeds, ``a`` the
-    accelerations, ``shake`` their noise; ``smear`` (between samples) is the speed near which a
-    reversal is blurred, ``reach`` (s) how far a window looks to each side.
-    """
+    """The rows that are used, of windows of half-width ``h`` (s). ``K`` (m, n) averages a signal as
+    the motion was averaged, ``narrow`` what is linear in the smooth motion. ``w``, ``a`` are speeds
+    and accelerations at times ``t`` (m,), ``shake`` their noise; near the speed ``smear`` reversals
+    are blurred; a window looks to each side as far as ``reach`` (s)."""
 
     def __init__(self, motion: Motion, h: float) -> None:
-        sparser = -(
-            -round(sum(len(r.w) * r.dt for r in motion.runs) / (const.OVERLAP * h))
-            // const.MOST_ROWS
-        )
-        self.h = h = h * max(1.0, sparser / const.SPARSEST)
-        parts = [_Windows(r, h, motion.top, min(sparser, const.SPARSEST)) for r in motion.runs]
+        self.h, total = h, sum(len(r.w) * r.dt for r in motion.runs)
+        sparser = max(1, int(np.ceil(total / (const.OVERLAP * h * const.ENOUGH))))
+        parts = [_Windows(r, h, motion.top, sparser) for r in motion.runs]
         first = [at.start for at in motion.at]
         self.at = np.concatenate([p.at + a for p, a in zip(parts, first, strict=True)])
         if len(self.at) < const.LEAST_ROWS:
@@ -143,7 +125,6 @@ class Declared:
 
 class Probe:
     """A quick robust balance in windows of half-width ``h`` (s): what it says of the inertia.
-
     ``J`` with its standard ``error``, ``lost`` the share of it that noise takes away, ``noisy`` the
     noise of J a over what is small enough, ``left`` the residual over all torque, ``drag`` the
     share of the torque by which friction opposes the motion, ``r`` (m,) the residuals at ``t`` (s).
@@ -156,61 +137,57 @@ class Probe:
         signals = np.column_stack([direction, motion.w, none, late, declared.place])
         X, y, moves, variance, thin, t = [], [], [], [], [], []
         for run, at in zip(motion.runs, motion.at, strict=True):
-            a, own, K, middle, every = self._windows(run)
+            a, own, K, middle = self._windows(run)
             t.append(motion.elapsed[at][middle])
             X.append(np.column_stack([a, K @ signals[at]]))
             y.append(K @ motion.u[at])
             moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
             variance.append(np.full(len(a), own))
-            thin.append(a[::every])
+            thin.append(a[::2])  # windows that share no sample
         moving = np.concatenate(moves)
         self.enough = bool(moving.sum() >= 3 * signals.shape[1] + 3)
         if self.enough:
             noise, self.t = np.concatenate(variance)[moving], np.concatenate(t)[moving]
             self._robust(np.concatenate(X)[moving], np.concatenate(y)[moving], noise)
-            self._judge(motion, np.concatenate(thin), float(noise.mean()))
+            self._judge(motion, float(noise.mean()), np.concatenate(thin))
 
     def _windows(self, runs: SmoothRuns) -> tuple:
-        """Acceleration, its noise (variance), the averages and the centres of the windows of one
-        rate, and every how many windows are independent."""
+        """Acceleration, its noise (variance), averages and centres of the windows of one rate."""
         samples, s, dt = runs.samples, runs.sensors, runs.dt
-        half = half_samples(self.h, dt)
+        half = max(2, round(self.h / dt))
         phi = bump(half)
-        second = np.convolve(phi, [1, -2, 1]) / dt**2
-        first = np.convolve(phi, [0.5, 0, -0.5]) / dt
-        of_theta = s.theta_variance * float(np.sum(second**2))
-        of_w = s.w_variance * float(np.sum(first**2)) if s.w is not None else np.inf
-        if s.filtered:  # a filtered difference of theta tells little more than theta
-            of_w = max(of_w, 0.25 * of_theta)
-        variance = 1 / (1 / of_theta + 1 / of_w)
-        step = max(1, int(0.55 * half))
-        at = centres(samples.pieces, half, step)
+        at = centres(samples.pieces, half, max(1, int(const.OVERLAP * half)))
         K = averages(phi, at, len(samples))
+        of_theta = s.theta_variance * float(np.sum((np.convolve(phi, [1, -2, 1]) / dt**2) ** 2))
+        of_w = np.inf
+        if s.w is not None:  # a filtered difference of theta tells little more than theta
+            of_w = s.w_variance * float(np.sum((np.convolve(phi, [0.5, 0, -0.5]) / dt) ** 2))
+            of_w = max(of_w, 0.25 * of_theta) if s.filtered else of_w
+        variance = 1 / (1 / of_theta + 1 / of_w)
         a = np.zeros(len(at))
         if s.theta is not None:
             a += variance / of_theta * (K @ np.r_[0, np.diff(s.theta, 2), 0]) / dt**2
         if s.w is not None:
             a += variance / of_w * (K @ runs.slope(s.w))
-        return a, variance, K, at, max(1, round(half / step))
+        return a, variance, K, at
 
     def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
-        k, size = np.ones(len(y)), np.sqrt(np.mean(X**2, axis=0)) + 1e-300
-        X, many, scale = X / size, len(size), 1.0
-        prior = Prior.free(many)
+        k, size, scale = np.ones(len(y)), np.sqrt(np.mean(X**2, axis=0)) + TINY, 1.0
+        X, prior = X / size, Prior.free(len(size))
         for _ in range(6):
             fit = robust(X, y, prior, scale, 0.0, k, 1)
             r = fit.r * scale
-            scale = 1.5 * float(np.median(np.abs(r))) + 1e-300
+            scale = 1.5 * float(np.median(np.abs(r))) + TINY
             k = weight(r / scale)
         self._X, self._b, self.r, self._scale, self._size = X, fit.b, r, scale, size
         G, _ = normal_equations(X, y, k, prior, scale, 0.0)
         self._inverse = np.linalg.inv(G)
-        self.rms = rms(y) + 1e-300
+        self.rms = rms(y) + TINY
         told = self._inverse[0, 0] / size[0] ** 2
-        self.J = float(fit.b[0] / size[0])
-        self.error = float(scale * np.sqrt(self._memory * told))
+        self.J = float(self._b[0] / size[0])
+        self.error = float(self._scale * np.sqrt(self._memory * told))
         self.lost = float(noise.mean() * k.sum() * told)
-        self.residual = rms(r)
+        self.residual = rms(self.r)
         self.left = self.residual / self.rms
 
     @cached_property
@@ -221,41 +198,34 @@ class Probe:
         c = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
         return 1 + 2 * sum(max(0.0, one) for one in c)
 
-    def _judge(self, motion: Motion, thin: np.ndarray, variance: float) -> None:
+    def _judge(self, motion: Motion, variance: float, thin: np.ndarray) -> None:
         b, size, w = self._b, self._size, np.abs(motion.w)
         friction = rms(self._X[:, 1:3] @ b[1:3]) + 1e-12 * self.rms
         work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
-        self.drag = float(work / (self.rms * np.mean(w) + 1e-300))
+        self.drag = float(work / (self.rms * np.mean(w) + TINY))
         place = b[5:]  # gravity that is large, and certain beside everything that is linear
         chi2 = place @ np.linalg.solve(self._inverse[5:, 5:], place)
-        certain = chi2 / (self._scale**2 * self._memory + 1e-300) > 50
-        large = rms(self._X[:, 5:] @ place) > const.HEAVY * friction
+        certain = chi2 / (self._scale**2 * self._memory + TINY) > 50
+        large = rms(self._X[:, 5:] @ place) > const.PART * friction
         self.heavy = self.declared.weight and bool(certain and large)
-        self.noisy = self._noise(motion, friction, thin, variance)
-
-    def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
-        """Noise of J a in a row over what is small enough."""
-        J, known = self.declared.J, self.declared.J is not None
-        if known and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
-            friction = J * self._size[0]
-        small = const.NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
+        J, Fc = self.declared.J, self.declared.Fc
+        if J is not None and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
+            friction = J * size[0]
+        small = const.FAINT * (Fc or max(friction, 0.1 * np.std(motion.u)))
         if J is None:
-            J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
-        small = max(small, 1e-100)
-        noisy = J * np.sqrt(variance) / small
-        if known and len(thin) > 2:  # what the acceleration itself shows where it is calm
+            J, small = max(self.J, 0.0), max(small, const.PART * self.residual)
+        noise = np.sqrt(variance)
+        if self.declared.J is not None and len(thin) > 2:  # what is shown where it is calm
             calm = np.quantile(np.abs(np.diff(thin, 2)), 0.15) / 0.189 / 2.45
-            noisy = max(noisy, J * calm / (2 * small))
-        return float(noisy)
+            noise = max(noise, 0.5 * calm)
+        self.noisy = float(J * noise / max(small, TINY))
 
 
 class Width:
     """The narrowest windows that will do: ``h`` (s), with the residuals ``r`` (m,) of a plain
-    balance at ``t`` (s).
-
-    ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
-    it is free. ``impossible``: the torque follows the motion, or has the wrong sign; ``against``:
-    nothing of the declared inertia is in it. ``heavy``: gravity that is large.
+    balance at ``t`` (s). ``sure``: the log determines the inertia; ``range``: what it must lie in,
+    None where it is free; ``impossible``: the torque follows the motion, or has the wrong sign;
+    ``against``: nothing of the declared inertia is in it; ``heavy``: gravity that is large.
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
@@ -271,14 +241,14 @@ class Width:
                 "too few windows in which something moves.",
                 "Record a longer run in which the drive moves.",
             )
-        good = [p for p in self.tried if self._calm(p) and p.lost < const.LOST]
+        good = [p for p in self.tried if self._calm(p) and p.lost < const.LITTLE]
         good = self._undeclared(good) if declared.J is None else self._declared(grid, good)
         last = self.tried[-5:]
         self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < 0.05
         # a balance that explains all else excludes the declared inertia, and finds none
-        least = const.LOST * (declared.J or 0.0)
+        least = const.LITTLE * (declared.J or 0.0)
         self.against = all(
-            p.left < const.LOST and p.J < 3 * p.error and p.J + 3 * p.error < least
+            p.left < const.LITTLE and p.J < 3 * p.error and p.J + 3 * p.error < least
             for p in self.tried
         )
         p = good[0] if good else min(self.tried, key=self._cost)
@@ -292,14 +262,14 @@ class Width:
             if not p.enough:
                 continue
             self.tried.append(p)
-            if stop and p.lost < const.LOST and self._calm(p):
+            if stop and p.lost < const.LITTLE and self._calm(p):
                 break
 
     def _calm(self, p: Probe) -> bool:
-        return p.noisy < 1 or self.declared.J is not None and p.h > const.WIDE
+        return p.noisy < 1 or self.declared.J is not None and p.h > const.SLOW
 
     def _cost(self, p: Probe) -> float:
-        return max(p.noisy, p.lost / const.LOST, 1.0 - 0.5 * (p.h < 0.1))
+        return max(p.noisy, p.lost / const.LITTLE, 1.0 - 0.5 * (p.h < 0.1))
 
     def _declared(self, grid: list[float], good: list[Probe]) -> list[Probe]:
         """A declared inertia is held where the log does not tell it; where narrow windows lose it
@@ -312,7 +282,7 @@ class Width:
             wide = self._undeclared(self.tried)
             if self.sure:
                 return wide
-            self.range = J / 1.4, 1.4 * J
+            self.range = J / const.GROWN, const.GROWN * J
         return good
 
     def _undeclared(self, good: list[Probe]) -> list[Probe]:
@@ -326,7 +296,7 @@ class Width:
             )
             return 1 - p.J / best if best > 0 else 0.0
 
-        good = [p for p in good if p in known and lost(p) < const.LOST]
+        good = [p for p in good if p in known and lost(p) < const.LITTLE]
         self.sure = bool(good and told) and known[-1].J - 2 * known[-1].error < 1.2 * good[0].J
         if self.sure:
             first = good[0]
@@ -362,7 +332,7 @@ def fine_wave(motion: Motion, h: float) -> float:
         part.append(2 * abs(np.mean(r * wave)) ** 2 / power)
         wave = wave * turn
     best = int(np.argmax(part))
-    clear = part[best] > const.FINE_WAVE and part[best] > 20 * np.median(part)
+    clear = part[best] > const.MUCH and part[best] > 20 * np.median(part)
     return float(n[best]) if clear else 0.0
 
 

@@ -1,23 +1,34 @@
-"""The plain answer: what is certain of the drive, each value once, from the last fit; and the
-declared model without a search.
+"""The values of a last fit: the plain answer (what is certain of the drive, each value once), the
+values of a model with their joint distribution, and the declared model without a search.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
-from ..blocks.block import unit_for
+from ..blocks.block import Block, is_ours, members, unit_for
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
-from ..estimates.findings import Balance, Combination, CurvePoint, Estimate, Residual
+from ..estimates.findings import Balance, Combination, CurvePoint, Estimate, Joint, Residual
 from ..record import Stretch
 from . import constants as const
+from .columns import torque
 from .friction import View
-from .last_fit import Interval, LastFit, Value, best_law, other_views, state_of, tells
+from .last_fit import (
+    WITHOUT_SCALE,
+    Interval,
+    LastFit,
+    Value,
+    best_law,
+    other_views,
+    state_of,
+    tells,
+)
 from .seen import COASTS, refuse_dead, seen
 from .table import Table
 from .verdict import Answer, Split, Unseen
@@ -167,25 +178,21 @@ def _sums(last: LastFit, values: Mapping[str, Value], certain: set[str]) -> list
 
 def friction_curve(last: LastFit) -> list[CurvePoint]:
     """Mean friction torque in bins of speed, or of each run of a map: u without other terms."""
-    v, friction, r = last.view, last.friction, last.left
-    w, made = v.motion.w[v.rows.at], []
+    v, r, made = last.view, last.left, []
+    w, torque = v.motion.w[v.rows.at], last.friction + r
     if v.apart is not None:
-        many = np.bincount(v.apart)
-        left, speed, torque = (np.bincount(v.apart, x) / many for x in (r, w, friction + r))
-        half = Z95 * float(np.sqrt(np.sum(left**2) / max(len(left) - const.PLAIN_VALUES, 1)))
-        points = zip(speed.tolist(), torque.tolist(), many.tolist(), strict=True)
-        return sorted([CurvePoint(x, y, (y - half, y + half), n) for x, y, n in points],
-                      key=lambda p: p.w)  # fmt: skip
-    for side in (-1.0, 1.0):
-        own = np.flatnonzero(side * w > 0)
-        if len(own) < 2 * const.BINS:
-            continue
-        own = own[np.argsort(np.abs(w[own]))]
-        for part in np.array_split(own, const.BINS):
-            torque = friction[part] + r[part]
-            half = Z95 * float(np.std(r[part])) / np.sqrt(max(len(part) / 4, 1.0))
-            x = float(np.mean(torque))
-            made.append(CurvePoint(float(np.mean(w[part])), x, (x - half, x + half), len(part)))
+        parts = [np.flatnonzero(v.apart == i) for i in range(int(v.apart.max()) + 1)]
+    else:
+        order = np.argsort(np.abs(w))
+        ways = [order[side * w[order] > 0] for side in (-1.0, 1.0)]
+        parts = [part for own in ways if len(own) >= 2 * const.BINS
+                 for part in np.array_split(own, const.BINS)]  # fmt: skip
+    shared = rms(np.array([np.mean(r[part]) for part in parts] or [0.0]))  # of a run, or a bin
+    for part in parts:
+        x = float(np.mean(torque[part]))
+        error = float(np.hypot(np.std(r[part]) / np.sqrt(max(len(part) / 4, 1.0)), shared))
+        ends = x - Z95 * error, x + Z95 * error
+        made.append(CurvePoint(float(np.mean(w[part])), x, ends, len(part)))
     return sorted(made, key=lambda p: p.w)
 
 
@@ -218,7 +225,7 @@ def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: 
 def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     """The plain answer: what the declared model leaves free, by one regression; Refused where
     nothing moves, or the torque has nothing to do with the motion."""
-    view, _, width, table = seen(stretches, model)
+    view, _, width = seen(stretches, model)
     if view.backward:
         made = base_row([replace(s, u=-s.u) for s in stretches], model)
         return replace(made, notes=(TURNED, *made.notes))
@@ -227,7 +234,7 @@ def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     refuse_dead(view, width)
     if view.motion.one_way and "Fc" in view.declared:  # as a J that the log does not tell
         view.model = model.fix("Fc")
-    last = settled(view, table)
+    last = settled(view)
     interval = Interval(last)
     V = interval.covariance() + interval.between(other_views(last))
     made = plain_balance(last, interval, interval.values(V), V, width.sure, stretches)
@@ -255,10 +262,9 @@ def _per_inertia(stretches: Sequence[Stretch], model: Model) -> Balance:
                    covariance=np.zeros((0, 0)), notes=(" ".join(COASTS),))  # fmt: skip
 
 
-def settled(view: View, table: Table | None = None) -> LastFit:
-    """The declared model at its best friction law; ``table`` is one of this view."""
-    table = table if table is not None and table.view is view else Table(view)
-    assert table.scale is not None  # the table has been settled
+def settled(view: View) -> LastFit:
+    """The declared model at its best friction law."""
+    table = Table(view)
     return best_law(view, state_of(table).copy(constant=True), table.scale, straight=True)
 
 
@@ -267,7 +273,7 @@ def alone(
 ) -> Answer:
     """The values of the declared structure by all rows, its errors on held-out ones; Refused where
     nothing can be learnt. Friction's shape is settled on training rows."""
-    view, _, width, _ = seen(stretches, model)
+    view, _, width = seen(stretches, model)
     refuse_dead(view, width)
     split = Split.of(view, held_out)
     train, test = view.on(split.train), view.on(split.test)
@@ -283,3 +289,195 @@ def alone(
         "identified", None, view, split, last, interval, interval.values(V), V, left, left,
         trained, trained, notes=_missing(last),
     )  # fmt: skip
+
+
+SLIDING, BRISTLE = {"Fc", "Fs", "Fv", "vs"}, {"sigma0", "sigma1"}
+
+
+@dataclass(frozen=True, eq=False)
+class ModelValues:
+    """A model with all of its values, what the last fit knows of them, and how surely."""
+
+    model: Model
+    estimates: dict[str, Estimate]
+    joint: Joint
+
+    def beside(self, plain: Balance) -> ModelValues:
+        """The same without intervals of what the plain answer does not give alone."""
+        made = dict(self.estimates)
+        wide = {k: "" for k in plain.uncertain if k in made and (ends := made[k].ci95)
+                and not tells((made[k].value, *ends))}  # fmt: skip
+        for one in reversed(plain.combinations):  # of several the first counts
+            wide |= dict.fromkeys(one.parts, one.text)
+        for key, text in wide.items():
+            if key in made and not made[key].held:
+                made[key] = replace(made[key], ci95=None, together=text)
+        kept = [i for i, k in enumerate(self.joint.names) if made[k].ci95 is not None]
+        names, j = tuple(self.joint.names[i] for i in kept), self.joint
+        joint = Joint(names, j.values[kept], j.matrix[np.ix_(kept, kept)], j.positive[kept])
+        return replace(self, estimates=made, joint=joint)
+
+    def told(self, declared: Model) -> ModelValues:
+        """The same without values that neither the log nor a declaration gives."""
+        known = declared.known()
+        gone = [k for k, e in self.estimates.items() if e.ci95 is None and k not in known]
+        model = self.model.with_values(dict.fromkeys(gone))
+        estimates = {k: e for k, e in self.estimates.items() if k not in gone}
+        return replace(self, model=model, estimates=estimates)
+
+
+def completed(last: LastFit, model: Model, sure: bool, parts: Collection[str] = ()) -> Model:
+    """The declared model, the effects of a last fit and ``parts`` of friction that the law has not,
+    at its values; a declared J stays unless the log is ``sure`` of another one."""
+    made = model
+    for term in last.state.named:
+        values = {k: last.values.get(f"{term.key}.{k}") for k in term.block.own}
+        made = made.with_effect(term.block, {k: x for k, x in values.items() if x is not None})
+    for name in parts:  # as far as the fit has its values
+        known = _plant(last, made.known(), sure)
+        own = members("effect")[name].own
+        made = made.with_effect(name, {k: known[k] for k in own if k in known})
+    made = _at(made, _values(last, made, sure))
+    return made if means_the_same(made.friction.block) else _at(made, law_values(last, made))
+
+
+def lifted(model: Model, declared: Model) -> Model:
+    """The model with an Fs above Fc, from which a fit can find both ways; a declared one stays."""
+    known = model.known()
+    if declared.known().get("Fs") is not None or not {"Fc", "Fs"} <= known.keys():
+        return model
+    return model.with_values({"Fs": max(known["Fs"], const.BEYOND * known["Fc"])})
+
+
+def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, float]:
+    """Inertia and friction as the fit has them, with what is declared of the bristles."""
+    v, own, s = last.view, last.values, last.state
+    J = own["J"] if sure else known.get("J", own["J"])
+    level = max(own["Fc"], const.SLIGHT * v.force)
+    static = known["Fs"] / known["Fc"] if known.get("Fs") and known.get("Fc") else None
+    Fs = max(own["Fs"], level) if static is None else max(static, 1.0) * level
+    made = {
+        "J": J, "Fc": level, "Fv": max(own["Fv"], 0.0), "Fs": Fs, "vs": known.get("vs", s.vs),
+        "delta": known.get("delta", s.exponent), "sigma0": known.get("sigma0") or level / v.x0,
+    }  # fmt: skip
+    critical = float(np.sqrt(made["sigma0"] * abs(J)))
+    return made | {"sigma1": known.get("sigma1", const.DAMPING * critical)}
+
+
+def _values(last: LastFit, model: Model, sure: bool) -> dict[str, float]:
+    """A value for each parameter of the model."""
+    known = model.known()
+    plant = _plant(last, known, sure)
+    own = {k: x for k, x in last.values.items() if "." in k} | plant
+    usual = {k: float(p.value or 0.0) for k, p in model.declarations().items()}
+    return {k: float(own.get(k, known.get(k, x))) for k, x in usual.items()}
+
+
+def _at(model: Model, values: Mapping[str, float]) -> Model:
+    """The model at these values, inside their bounds; held ones stay."""
+    own = model.declarations()
+    inside = {k: float(np.clip(x, own[k].low, own[k].high)) for k, x in values.items()}
+    return model.with_values(model.kept(inside))
+
+
+def model_values(answer: Answer, model: Model) -> ModelValues:
+    """The model of the last fit of an answer with intervals and covariance."""
+    made = completed(answer.last, model, answer.sure, answer.parts)
+    told, values, names = _told(answer, made), answer.values, answer.interval.names
+    held, own = made.held(), made.declarations()
+    estimates: dict[str, Estimate] = {}
+    for key, value in made.known().items():
+        if not own[key].fitted:
+            continue
+        ends = values[told[key]][1:] if key in told else None
+        whole_turn = ends is not None and own[key].angle and ends[1] - ends[0] >= 2 * np.pi
+        ends = (
+            None if ends is None or whole_turn or key in held else _within(made, key, value, ends)
+        )
+        if own[key].whole and made.motion == "rotary" and key in told:
+            ends = value, value
+        estimates[key] = Estimate(value, made.unit(key), ends, held=key in held)
+    certain = [k for k, e in estimates.items() if e.ci95 is not None and e.ci95[1] > e.ci95[0]]
+    at = [names.index(told[k]) for k in certain]
+    found = np.array([estimates[k].value for k in certain])
+    positive = np.array([own[k].low >= 0.0 for k in certain], bool) & (found > 0.0)
+    joint = Joint(tuple(certain), found, answer.covariance[np.ix_(at, at)], positive)
+    return ModelValues(made, estimates, joint)
+
+
+def _told(answer: Answer, model: Model) -> dict[str, str]:
+    """The keys of the model that the last fit tells, and its own names for them."""
+    plant = {"J"} if answer.sure else set()
+    plant |= {"Fc", "Fv"} if means_the_same(model.friction.block) else set()
+    if answer.view.motion.one_way:
+        plant -= {"Fc"}
+    made = {k: k for k in model.declarations() if k in plant}
+    made |= {k: k for k in model.declarations() if "." in k and k in answer.values}
+    return made
+
+
+def with_scale(joint: Joint) -> Joint:
+    """The same with the errors of sensors: none is better than SCALE of a value."""
+    own = [const.SCALE * x * (k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE)
+           for k, x in zip(joint.names, joint.values, strict=True)]  # fmt: skip
+    return replace(joint, matrix=joint.matrix + np.diag(np.square(own)))
+
+
+def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
+    """Values of a joint distribution with their intervals."""
+    both = zip(joint.names, joint.values.tolist(), joint.interval().tolist(), strict=True)
+    return {k: Estimate(x, model.unit(k), _within(model, k, x, ends)) for k, x, ends in both}
+
+
+def _within(model: Model, key: str, value: float, ends: Sequence[float]) -> tuple[float, float]:
+    """The interval of a value inside its bounds."""
+    low, high = model.bounds(key)
+    return min(max(ends[0], low), value), max(min(ends[1], high), value)
+
+
+def means_the_same(law: Block) -> bool:
+    """Whether Fc and Fv of the law are those of the balance: another law may mean anything."""
+    return is_ours(law.home)
+
+
+def told_by_balance(model: Model) -> bool:
+    """Whether a balance says what the law's values are, or where they cannot be far from."""
+    law = model.friction.block
+    own = {k for k, p in law.own.items() if p.fitted and not p.usual}
+    known = own <= SLIDING or BRISTLE <= own <= SLIDING | BRISTLE
+    return known and means_the_same(law)
+
+
+def misfit(last: LastFit, model: Model) -> float:
+    """How far a model's law is from the friction of a last fit: RMS in rows, over friction."""
+    made = torque(model.friction.block, model.friction.values, last.view.along()).wide
+    if made is None:
+        return 0.0
+    off = last.view.K @ made[:, 0] - last.friction
+    return rms(np.nan_to_num(off, nan=1e6)) / last.view.size
+
+
+def law_values(last: LastFit, model: Model) -> dict[str, float]:
+    """The values of an own law with which it comes nearest to a last fit; held ones stay."""
+    law, v, own = model.friction.block, last.view, model.friction.block.own
+    known, target = {k: model.known()[k] for k in own}, last.friction + last.left
+    keys = [k for k, p in own.items() if p.fitted and not (p.choices or k in model.held())]
+    if not keys:
+        return {}
+    along = v.along()
+    start = np.array([known[k] or own[k].value or 1e-3 for k in keys])
+    ends = np.array([(own[k].low, own[k].high) for k in keys]).T
+
+    def values(x: np.ndarray) -> dict[str, float]:
+        found = np.clip(start * np.exp(x), *ends).tolist()
+        return {**known, **dict(zip(keys, found, strict=True))}
+
+    def off(x: np.ndarray) -> np.ndarray:
+        wide = torque(law, values(x), along).wide
+        assert wide is not None  # a law of friction acts along the log
+        return np.nan_to_num((v.K @ wide[:, 0] - target) / last.scale, nan=1e6)
+
+    bounds = (-const.FURTHEST_LOG, const.FURTHEST_LOG)
+    made = least_squares(off, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",
+                         diff_step=1e-3, max_nfev=const.MOST_EVALUATIONS)  # fmt: skip
+    return values(made.x)
