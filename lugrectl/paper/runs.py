@@ -55,10 +55,11 @@ class Errors:
 
 @dataclass(frozen=True, repr=False)
 class Outcome(Shown):
-    """The result of a study: rows of RMS values."""
+    """The result of a study: rows of RMS values, and times and signals to draw, by column."""
 
     study: Study
     rows: tuple[Errors, ...]
+    traces: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
     def summary(self) -> dict[str, Any]:
         return self.study.summary() | {"rows": plain(self.rows)}
@@ -334,19 +335,22 @@ def rms(t: np.ndarray, y: np.ndarray, window: tuple[float, float]) -> float:
 
 def run(p: lg.Parameters, study: Study, tick: Callable[[str], None]) -> Outcome:
     """All cases of a study under all its compensations."""
-    rows = list[Errors]()
-    for case in study.cases:
+    rows, traces, drawn = list[Errors](), {}, study.drawn
+    for i, case in enumerate(study.cases):
         own = [Errors(case, measure, {}) for measure in case.measures]
         for c in study.compensations:
             with contextlib.suppress(Diverged):
                 t, y = respond(p, study.loop, study.controller, c, case)
                 for row in own:
                     row.rms[c.name] = rms(t, y[row.measure.signal], row.measure.window)
+                if drawn and i == drawn.case and c.name in (drawn.columns or c.name):
+                    inside = within(t, drawn.span)
+                    traces[c.name] = t[inside], y[drawn.signal][inside]
             for row in own:
                 row.rms.setdefault(c.name, np.inf)
             tick(f"{study.title}: {c.name}")
         rows += own
-    return Outcome(study, tuple(rows))
+    return Outcome(study, tuple(rows), traces)
 
 
 # --- the figures of the paper --------------------------------------------------------------
@@ -436,6 +440,7 @@ def _parts(r: Reproduction) -> Iterator[Section | Figure]:
         yield Figure(f"paper-{one.key}", caption, partial(responses, one))
     for o in r.outcomes:
         yield _table(o)
+        yield Figure(o.study.key, "Names as in the table.", partial(_picture, o))
     slips = (f"- {one.label} ({one.status}): {one.note}." for one in PAPER if one.status != HOLDS)
     yield Section("Where the paper's text does not hold as printed", tuple(slips))
 
@@ -462,3 +467,22 @@ def responses(one: PaperFigure, ax: Any) -> Any:
     for name, y in {"reference": one.reference, **one.responses}.items():
         ax.plot(one.t[::5], y[::5], lw=1.3, label=name)
     return headed(ax, "", columns=2, xlabel="t [s]", ylabel=f"[{one.unit}]")
+
+
+def _picture(o: Outcome, ax: Any) -> Any:
+    """One case over time, as the largest magnitude in each of 200 parts where it is logarithmic;
+    of a sweep the table."""
+    if (drawn := o.study.drawn) is None:
+        x = [row.case.label.partition(",")[0] for row in o.rows]
+        for c in o.study.compensations:
+            ax.plot(x, [1e3 * row.rms[c.name] for row in o.rows], "o-", ms=3, label=c.name)
+        ax.set_yscale("log")
+        unit, of = o.rows[0].measure.unit, "error of the observer's parameters"
+        return headed(ax, o.study.title, columns=4, xlabel=of, ylabel=f"RMS error [m{unit}]")
+    for name, (t, y) in o.traces.items():
+        x, y = peaks(t, np.maximum(np.abs(y), 1e-9), 200) if drawn.log else (t, y)
+        ax.plot(x, 1e3 * y, lw=1.3, label=name)
+    ax.set_yscale("log" if drawn.log else "linear")
+    of = f"|{drawn.signal}|" if drawn.log else drawn.signal
+    head = f"{o.study.title}: {o.study.cases[drawn.case].label}"
+    return headed(ax, head, columns=4, xlabel="t [s]", ylabel=f"{of} [m{drawn.unit}]")

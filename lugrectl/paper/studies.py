@@ -90,6 +90,18 @@ def each_off(case: Case, percent: Iterable[float], *names: str) -> tuple[Case, .
     return tuple(case.off(q, *names) for q in percent)
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """The picture of a study: a signal of one case over time; a sweep's shows its table."""
+
+    case: int
+    signal: str
+    unit: str
+    span: tuple[float, float]  # s
+    columns: tuple[str, ...] = ()  # empty for all
+    log: bool = False  # magnitude, logarithmic
+
+
 NONE = Compensation("none", "no observer")
 PAPERS = {"K1": -10.24, "K2": 22.0}
 PROPOSED = Compensation("proposed", "proposed observer, K1 = -10.24, K2 = 22", "proposed", PAPERS)
@@ -112,7 +124,7 @@ ALL = OBSERVERS + STRONG
 
 @dataclass(frozen=True)
 class Study:
-    """Cases and compensations: a table of RMS values."""
+    """Cases and compensations: a table of RMS values and a picture."""
 
     key: str
     title: str
@@ -122,6 +134,7 @@ class Study:
     loop: str = "velocity"
     controller: Mapping[str, float] = field(default_factory=lambda: VELOCITY)
     compensations: tuple[Compensation, ...] = ALL
+    drawn: Drawn | None = None
 
     def summary(self) -> dict[str, Any]:
         known = picked(self, "key title scenario loop controller")
@@ -188,6 +201,7 @@ def position(
         loop="position",
         controller=controller,
         compensations=OBSERVERS,
+        drawn=Drawn(0, "e", "rad", (0.0, 100.0), ("none", "k 0.35", "k 20", "proposed"), True),
     )
 
 
@@ -253,6 +267,7 @@ VELOCITY_STUDIES = (
             for ahead in (False, True)
             for smooth in (False, True)
         ),
+        drawn=Drawn(6, "e", "rad/s", (1.0, 3.0)),
     ),
     Study(
         "initial",
@@ -267,6 +282,7 @@ VELOCITY_STUDIES = (
             replace(EARLY, label="z -1.1", start={"plant_z": -1.1e-3}),
             replace(EARLY, label="what 0.1", start={"proposed_observer_what": 0.1}),
         ),
+        drawn=Drawn(1, "e", "rad/s", (0.0, 0.5)),
     ),
     Study(
         "standstill",
@@ -281,6 +297,7 @@ VELOCITY_STUDIES = (
             "torque of the integral action, so the drive moves until the integral has decayed.",
         ),
         compensations=OBSERVERS,
+        drawn=Drawn(0, "F - Fhat", "N m", (0.0, 2.0), log=True),
     ),
     Study(
         "over",
@@ -291,5 +308,6 @@ VELOCITY_STUDIES = (
             "With too much friction compensated, rest is not stable with the natural observer: "
             "the drive breaks away by itself, at +20 % more than 10 s after the initial speed.",
         ),
+        drawn=Drawn(2, "w", "rad/s", (0.0, 60.0), ("natural", "k 0.35", "proposed", "Ki 160")),
     ),
 )
