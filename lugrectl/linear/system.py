@@ -295,6 +295,11 @@ class System:
     @property
     def outside(self) -> str:
         """The poles outside the border, in words."""
+        if math.isnan(self.right):
+            return (
+                "any number of poles: this is not decided, |L| must be below 1 at the highest "
+                "frequency; measure up to higher ones"
+            )
         if math.isinf(self.right):
             return (
                 "infinitely many poles right of the imaginary axis, or as near to it as any: a "

@@ -782,18 +782,6 @@ class MeasuredLoop(Followed):
         angle += float(np.angle(first / before) - np.angle(end))
         return round(L.right + n / 2 - angle / math.pi) if math.isfinite(angle) else math.nan
 
-    @property
-    def trouble(self) -> str:
-        if not self.right:
-            return ""
-        if math.isnan(self.right):
-            return (
-                "any number of poles: this is not decided, |L| is "
-                f"{abs(self.L.values[-1]):.4g} at the highest frequency and must be below 1; "
-                "measure up to higher ones"
-            )
-        return self.outside + self.basis
-
     def plus(self, c: float) -> MeasuredLoop:
         return replace(self, c=self.c + c)
 
