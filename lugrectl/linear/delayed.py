@@ -398,9 +398,7 @@ def _chosen(label: str | None, labels: list[str], what: str, late: list[DeadTime
     return [labels.index(label)]
 
 
-def _without_pade(
-    linear: list[np.ndarray], late: list[DeadTime]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _without_pade(linear: list[np.ndarray], late: list[DeadTime]) -> tuple[Any, Any, Any, Any]:
     """The system without the states of its dead times, whose inputs and outputs are the last."""
     A, B, C, D = linear
     places = [one.place for one in late]
@@ -415,7 +413,7 @@ def _without_pade(
     P = Q[:, p2] + 0.5 * eye
     P[np.abs(P) < NOISE] = 0.0
     B1, C1 = np.hstack([B1, A[np.ix_(keep, p2)]]), np.vstack([C1, Q[:, keep]])
-    G = ct.ss(A1, B1, C1, np.block([[D, C[:, p2]], [R, P]]), remove_useless_states=False)
+    G: Any = ct.ss(A1, B1, C1, np.block([[D, C[:, p2]], [R, P]]), remove_useless_states=False)
     # p2 = q - v of the signals v that leave
     made = G.lft(ct.ss([], [], [], np.block([[eye, -eye], [eye, 0.0 * eye]])), len(p2), len(p2))
     return made.A, made.B, made.C, made.D

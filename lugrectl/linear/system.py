@@ -288,7 +288,7 @@ class System:
     open_at_infinity = False  # whether |T| is not below 1 as w grows
 
     @property
-    def stable(self) -> bool | None:
+    def stable(self) -> Any:
         """None: rounding decides."""
         return not (self.right or self.on)
 
@@ -343,7 +343,10 @@ class Followed(System):
     def grid(self, part: str, level: float) -> tuple[np.ndarray, bool]:
         raise NotImplementedError
 
-    def at(self, w: np.ndarray) -> tuple[np.ndarray, Any]:
+    def at(self, w: Any) -> tuple[Any, Any]:
+        raise NotImplementedError
+
+    def ends(self) -> list[tuple[float, float]]:
         raise NotImplementedError
 
     def sizes(self, w: np.ndarray) -> np.ndarray:
