@@ -79,7 +79,7 @@ WRONG = [
     (lambda: lg.velocity_loop(P, "x"), "no observer named 'x'"),
     (
         lambda: lg.velocity_loop(P, "natural", K1=10, k=3),
-        "K1 is no argument of the loop with natural",
+        "K1 is no argument of the loop",
     ),
     (lambda: lg.velocity_loop(P, "proposed", K1=None, K2=None), "K1 = None is no gain"),
     (lambda: lg.velocity_loop(P, observer_parameters=3), "observer_parameters must be"),
