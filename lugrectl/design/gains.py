@@ -621,7 +621,9 @@ def _scheduled(m: Any, c: Choices) -> Made:
         (*said, MATCHED),
         slowest_pole(m, K1.offset, at_rest),
         *(None, A, 0.0, C, alpha, "N m s/rad", None),
-        *map(np.diag, ([A, C], [0.0, 2.0 * C * alpha / m.J], [2.0 * A, 0.0])),
+        P=np.diag([A, C]),
+        Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
+        Q1=np.diag([2.0 * A, 0.0]),
     )
     return {"K1": K1, "K2": K2}, certificate
 

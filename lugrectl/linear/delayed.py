@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import combinations
+from functools import reduce
 from typing import Any
 
 import control as ct
@@ -20,7 +20,7 @@ import numpy as np
 from ..blocks.controllers import DeadTime, dead_times
 from ..core.errors import InputError
 from ..core.validation import array, shown
-from .exact import Poly, Quasi, add, divide, gcd, mul, scale
+from .exact import Poly, Quasi, gcd, mul, scale
 from .transfer import (
     Border,
     coefficients,
@@ -340,36 +340,28 @@ def _read(A: np.ndarray, C: np.ndarray) -> list[int]:
 def closed_over(model: Any, late: Sequence[Fraction]) -> DelayedTransfer:
     """T(s) from the first input to the first output, where each further output, delayed, is the
     further input."""
-    # With H the response of the model, z the diagonal of exp(-s h) and H22 its part of the further
-    # channels, T = det(I - H z, of all channels but the first input's)/det(I - H22 z); both are
-    # sums of principal minors of H.
-    tops, den = state_space_polynomials(model)
-    sets = [S for k in range(len(late) + 1) for S in combinations(range(1, len(late) + 1), k)]
-    num_terms, den_terms = [], []
-    for S in sets:
-        delay, sign = sum((late[i - 1] for i in S), Fraction(0)), (-1) ** len(S)
-        num_terms.append((delay, scale(_minor(tops, (0, *S), den), sign)))
-        den_terms.append((delay, scale(_minor(tops, S, den), sign)))
-    return reduced(Quasi.of(num_terms), Quasi.of(den_terms))
+    # With H = N/d the response of the model, z the diagonal of exp(-s h) and H22 its part of the
+    # further channels, T = det [[H11, -H12 z], [H21, I - H22 z]]/det(I - H22 z).
+    tops, d = state_space_polynomials(model)
+    delays = [Fraction(0), *late]
+
+    def entry(i: int, k: int) -> Quasi:
+        own = Quasi.of([(delays[k], scale(tops[i][k], -1 if k else 1))])
+        return own + Quasi.of([(0, d)]) if i == k > 0 else own
+
+    M = [[entry(i, k) for k in range(len(delays))] for i in range(len(delays))]
+    num, den = _determinant(M), _determinant([row[1:] for row in M[1:]])
+    powers = [reduce(mul, [d] * k, (1,)) for k in (len(late), len(late) - 1)]
+    return reduced(num.over(powers[0]), den.over(powers[1]))
 
 
-def _minor(tops: Any, S: tuple[int, ...], den: Poly) -> Poly:
-    """The principal minor of H of the channels S times ``den``, a polynomial."""
-    if not S:
-        return den
-    minor = _determinant([[tops[i][k] for k in S] for i in S])
-    for _ in S[1:]:
-        minor = divide(minor, den)[0]
-    return minor
-
-
-def _determinant(M: list[list[Poly]]) -> Poly:
+def _determinant(M: list[list[Quasi]]) -> Quasi:
     if len(M) == 1:
         return M[0][0]
-    total: Poly = ()
+    total = Quasi(())
     for k, top in enumerate(M[0]):
         rest = [[*row[:k], *row[k + 1 :]] for row in M[1:]]
-        total = add(total, scale(mul(top, _determinant(rest)), (-1) ** k))
+        total += (top * _determinant(rest)).scaled((-1) ** k)
     return total
 
 
@@ -396,21 +388,17 @@ def _differences(system: Any, x0: Any, u0: Any, t: float, params: Any) -> list[n
 
 
 def _chosen(label: str | None, labels: list[str], what: str, late: list[DeadTime]) -> list[int]:
-    if label is None:
-        if len(labels) > 1 and any(one.seconds > 0 for one in late):
-            raise InputError(
-                f"the system has {len(labels)} {what}s and a dead time: give {what}=, one of "
-                f"{', '.join(labels)}."
-            )
+    if label is None and (len(labels) == 1 or not any(one.seconds > 0 for one in late)):
         return [*range(len(labels))]
+    if label is None:
+        said = f"the system has {len(labels)} {what}s and a dead time: give {what}=, one of"
+        raise InputError(f"{said} {', '.join(labels)}.")
     if label not in labels:
         raise InputError(f"{what} is {shown(label)}, but there is {', '.join(labels)}.")
     return [labels.index(label)]
 
 
-def _without_pade(
-    linear: list[np.ndarray], late: list[DeadTime]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _without_pade(linear: list[np.ndarray], late: list[DeadTime]) -> tuple[Any, Any, Any, Any]:
     """The system without the states of its dead times, whose inputs and outputs are the last."""
     A, B, C, D = linear
     places = [one.place for one in late]
@@ -425,7 +413,7 @@ def _without_pade(
     P = Q[:, p2] + 0.5 * eye
     P[np.abs(P) < NOISE] = 0.0
     B1, C1 = np.hstack([B1, A[np.ix_(keep, p2)]]), np.vstack([C1, Q[:, keep]])
-    G = ct.ss(A1, B1, C1, np.block([[D, C[:, p2]], [R, P]]), remove_useless_states=False)
+    G: Any = ct.ss(A1, B1, C1, np.block([[D, C[:, p2]], [R, P]]), remove_useless_states=False)
     # p2 = q - v of the signals v that leave
     made = G.lft(ct.ss([], [], [], np.block([[eye, -eye], [eye, 0.0 * eye]])), len(p2), len(p2))
     return made.A, made.B, made.C, made.D

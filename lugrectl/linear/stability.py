@@ -196,7 +196,7 @@ def _verdict(L: Any, remark: str = "") -> StabilityVerdict:
     turns = [*((w, value(w).real) for w in L.signs("imag").places), *L.ends()]
     factors = [Margin(-1.0 / x, w) for w, x in turns if -math.inf < x < 0.0]
     gains = _stable_gains(L, sorted({m.value for m in factors}))
-    cause = f"it has {closed.trouble}" if closed.trouble else L.hidden
+    cause = f"it has {closed.trouble}{closed.basis}" if closed.trouble else L.hidden
     gain = phase = delay = UNKNOWN
     disks, span = [UNKNOWN] * 3, (math.nan, math.nan)
     if cause:

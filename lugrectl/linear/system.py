@@ -288,13 +288,18 @@ class System:
     open_at_infinity = False  # whether |T| is not below 1 as w grows
 
     @property
-    def stable(self) -> bool | None:
+    def stable(self) -> Any:
         """None: rounding decides."""
         return not (self.right or self.on)
 
     @property
     def outside(self) -> str:
         """The poles outside the border, in words."""
+        if math.isnan(self.right):
+            return (
+                "any number of poles: this is not decided, |L| must be below 1 at the highest "
+                "frequency; measure up to higher ones"
+            )
         if math.isinf(self.right):
             return (
                 "infinitely many poles right of the imaginary axis, or as near to it as any: a "
@@ -338,7 +343,10 @@ class Followed(System):
     def grid(self, part: str, level: float) -> tuple[np.ndarray, bool]:
         raise NotImplementedError
 
-    def at(self, w: np.ndarray) -> tuple[np.ndarray, Any]:
+    def at(self, w: Any) -> tuple[Any, Any]:
+        raise NotImplementedError
+
+    def ends(self) -> list[tuple[float, float]]:
         raise NotImplementedError
 
     def sizes(self, w: np.ndarray) -> np.ndarray:

@@ -82,7 +82,8 @@ class Transfer(System):
         self.lost = bool(border.unstable(given.cancelled)[0])
         if border.dt is not None:
             mapped = (border.mapped(q.polynomial, self.degree) for q in (num, den))
-            self.T = DelayedTransfer(*(Quasi.of([(0, p)]) for p in mapped))
+            num, den = (Quasi.of([(0, p)]) for p in mapped)
+            self.T = DelayedTransfer(num, den)
 
     def at(self, w: Any) -> tuple[Any, Any]:
         return self.T(1j * self.border.place(w)), 0.0
@@ -488,7 +489,7 @@ class StateSystem(Followed):
 
     @property
     def on(self) -> list[float]:
-        near = self.poles[(np.abs(self.beyond) <= self.rounding) & (self.poles.imag >= 0)]
+        near = self.poles[(np.abs(self.beyond) <= self.rounding) & (np.imag(self.poles) >= 0)]
         return np.abs(np.imag(self.border.rates(near))).tolist()
 
     @cached_property
@@ -577,7 +578,8 @@ class StateSystem(Followed):
     def zeros(self) -> np.ndarray:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return ct.ss(self.A, self.B, self.C, self.D, remove_useless_states=False).zeros()
+            whole: Any = ct.ss(self.A, self.B, self.C, self.D, remove_useless_states=False)
+            return whole.zeros()
 
     def grid(self, part: str, level: float) -> tuple[np.ndarray, bool]:
         seen = self.poles[np.abs(self.poles - (self.border.dt is not None)) > self.rounding]
@@ -598,7 +600,7 @@ class StateSystem(Followed):
         if part == "real" and self.limit[0] < 0 and found.first * (-1) ** len(found.changes) > 0:
             w = self.grid(part, 0.0)[0]
             value, slack = self.at(w)
-            sure = float(w[np.abs(value.real) > slack].max(initial=0.0))
+            sure = float(w[np.abs(np.real(value)) > slack].max(initial=0.0))
             return found._replace(changes=(*found.changes, sure))
         return found
 
@@ -688,8 +690,8 @@ class MeasuredSystem(Followed):
     values: np.ndarray
     right: float = 0
     meaning, base = "the L2 gain is at least {:.6g}", "T at the lowest frequency"
-    alike, no_margin, least_stable = 0.02, math.nan, ""
-    stable = True
+    alike, no_margin = 0.02, math.nan
+    stable, least_stable = True, ""  # type: ignore[assignment]
 
     @property
     def basis(self) -> str:
@@ -781,18 +783,6 @@ class MeasuredLoop(Followed):
         _, angle, _ = turned(lambda w: 1.0 + L.at(w)[0], L.w)
         angle += float(np.angle(first / before) - np.angle(end))
         return round(L.right + n / 2 - angle / math.pi) if math.isfinite(angle) else math.nan
-
-    @property
-    def trouble(self) -> str:
-        if not self.right:
-            return ""
-        if math.isnan(self.right):
-            return (
-                "any number of poles: this is not decided, |L| is "
-                f"{abs(self.L.values[-1]):.4g} at the highest frequency and must be below 1; "
-                "measure up to higher ones"
-            )
-        return self.outside + self.basis
 
     def plus(self, c: float) -> MeasuredLoop:
         return replace(self, c=self.c + c)

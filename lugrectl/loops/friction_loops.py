@@ -93,13 +93,12 @@ def loop_observer(
         if value is OWN or (absent and usual):
             continue
         if absent:
-            near = meant(gain, (*made.parameters, *ARGUMENTS))
-            raise InputError(
-                f"{gain} is no argument of the loop and no parameter of {made.name}; {near}"
-            )
-        if value is None or gain in known:
-            said = "is given twice: in gains and" if gain in known else "= None is no gain"
-            raise InputError(f"{gain} {said} as an argument; leave it out for its default.")
+            near = meant(gain, [k for k in (*made.parameters, *ARGUMENTS) if k != gain])
+            raise InputError(f"{gain} is no argument of the loop with {made.name}; {near}")
+        if value is None:
+            raise InputError(f"{gain} = None is no gain: leave it out for the default.")
+        if gain in known:
+            raise InputError(f"{gain} is given twice: in gains and as an argument.")
         known[gain] = value
     inputs = [("s" if signal == "e" and sliding else signal) for signal in made.inputs]
     return believed(made, p, inputs=inputs, **known)
@@ -638,7 +637,9 @@ def _notch_values(given: Any) -> tuple[Any, ...]:
         return tuple({**own, **given}.values())
     values = (given,) if real(given) is not None else given
     if not isinstance(values, (list, tuple)) or not 1 <= len(values) <= 3:
-        raise InputError(f"notch must be (frequency in Hz, damping, depth), not {shown(given)}.")
+        raise InputError(
+            f"notch must be a frequency in Hz or (frequency, damping, depth), not {shown(given)}."
+        )
     return tuple(values)
 
 

@@ -54,7 +54,7 @@ def test_an_observer_is_a_block_a_factory_or_a_name(momentum):
     assert made.observer == "natural"
     with pytest.raises(lg.InputError, match="no design rule for momentum_of_test"):
         lg.design_gains(P, observer=momentum)
-    with pytest.raises(lg.InputError, match="no parameter of momentum_of_test"):
+    with pytest.raises(lg.InputError, match="no argument of the loop with momentum_of_test"):
         lg.velocity_loop(P, momentum, K1=-1.0)
 
 

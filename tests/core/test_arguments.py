@@ -77,7 +77,10 @@ WRONG = [
     (lambda: lg.block("observer", out=3), "out must be a name or a list of names"),
     (lambda: lg.block("effect", out="d")(3), "declared of a function"),
     (lambda: lg.velocity_loop(P, "x"), "no observer named 'x'"),
-    (lambda: lg.velocity_loop(P, "natural", K1=10, k=3), "K1 = 10: the observer 'natural'"),
+    (
+        lambda: lg.velocity_loop(P, "natural", K1=10, k=3),
+        "K1 is no argument of the loop",
+    ),
     (lambda: lg.velocity_loop(P, "proposed", K1=None, K2=None), "K1 = None is no gain"),
     (lambda: lg.velocity_loop(P, observer_parameters=3), "observer_parameters must be"),
     (lambda: lg.compensate(3), "model must be"),
