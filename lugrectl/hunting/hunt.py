@@ -14,6 +14,8 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
 
 from ..blocks import controllers
 from ..blocks.controllers import dead_time as delayed
@@ -534,6 +536,83 @@ def _motion(done: Any, r: float = 0.0) -> Motion:
     return Motion(done.time, min(sides.values(), key=lambda y: np.ptp(e - y)), rows["u"], sides)
 
 
+NUDGE, NEAR = 1e-4, 1e-6  # of a state: by which a slope is measured, and of a turn that repeats
+RTOL = 1e-9  # of a half turn
+SETTLES = 6  # half turns towards a cycle that attracts
+LONGEST = 400.0  # times kp/ki: the longest half turn
+ONE = 1e-3  # relative difference of two amplitudes that are one
+
+
+class Bristles:
+    """The loop around a law of w with bristles. At e = 0 its state is x = (w, I, z, ...) in units:
+    speed, torque of the integral, and the friction's states. The half turn from w < 0 to the next
+    e = 0, with all signs changed, is a map of x; its fixed points are the symmetric cycles, and the
+    eigenvalues of its slope their multipliers of half a turn."""
+
+    def __init__(self, model: Model, loop: Loop) -> None:
+        self.loop, self.law = loop, model.friction.block
+        self.values: dict[str, Any] = self.law.defaults() | dict(model.friction.values)
+        bends = np.full(len(self.law.states), loop.curve.Fs / float(self.values["sigma0"]))
+        self.scale = np.r_[loop.unit, loop.speed, loop.curve.Fs, bends]
+
+    def rates(self, t: float, state: np.ndarray) -> np.ndarray:
+        F, *dz = self.law(state[1], *state[3:], **self.values)
+        de, dw, dq = self.loop.matrix @ state[:3]
+        return np.array([de, dw - F / self.loop.J, dq, *dz])
+
+    def half(self, x: np.ndarray, e: float = 0.0) -> tuple[np.ndarray, float, float]:
+        """From an error and x to x of the next e = 0, with the time and the largest error; nan
+        where there is none."""
+        side, span = (1.0 if e else -1.0), LONGEST * self.loop.kp / self.loop.ki
+        none = np.full(len(x), np.nan), np.nan, np.nan
+        if not np.isfinite(x).all() or (x[0] >= 0.0 and not e):
+            return none
+
+        def crossed(t: float, s: np.ndarray) -> float:
+            return s[0] + (side * 1e-9 * self.loop.unit if t == 0.0 else 0.0)
+
+        crossed.terminal, crossed.direction = True, -side  # type: ignore[attr-defined]
+        options: Any = {"events": crossed, "rtol": RTOL, "atol": 1e-9 * self.scale}
+        start = self.scale * np.r_[e / self.loop.unit, x]
+        done = solve_ivp(self.rates, (0.0, span), start, "LSODA", **options)
+        if not len(done.t_events[0]):
+            return none
+        end = side * done.y_events[0][0][1:] / self.scale[1:]
+        return end, float(done.t_events[0][0]), float(np.abs(done.y[0]).max())
+
+    def cycle(self, e: float, turns: int) -> Cycle | None:
+        """The cycle so many half turns after breakaway at e."""
+        held = self.loop.kp * e / self.loop.curve.Fs - 1.0
+        x = self.half(np.r_[0.0, held, -np.ones(len(self.law.states))], e)[0]
+        for _ in range(turns):
+            x = self.half(x)[0]
+        found = root(lambda x: self.half(x)[0] - x, x, options={"eps": NUDGE, "xtol": NEAR})
+        end, t, size = self.half(found.x)
+        steps = np.diag(NUDGE * np.maximum(np.abs(found.x), 1e-3))
+        slope = np.array([(self.half(found.x + step)[0] - end) / step.sum() for step in steps])
+        if not found.success or not np.isfinite(slope).all():
+            return None
+        turn = np.linalg.eigvals(slope.T) ** 2
+        turn = turn[np.argsort(-np.abs(turn))]
+        return Cycle(size, 2.0 * t, bool(abs(turn[0]) < 1.0), tuple(turn.real.tolist()))
+
+
+def bristle_cycles(
+    model: Model, loop: Loop, rigid: Iterable[Cycle], waited: tuple[Cycle, ...]
+) -> tuple[Cycle, ...]:
+    """Find the cycles near those of the sliding curve, and near those found by waiting; else the
+    latter as they are."""
+    law, found = model.friction.block, list[Cycle]()
+    bristles = bool(law.states) and law.reads == ("w",) and "sigma0" in model.friction.values
+    if not (loop.ki and bristles) or model.effects:
+        return waited
+    for start, turns in [*((c, 0) for c in rigid), *((c, SETTLES) for c in waited)]:
+        cycle = Bristles(model, loop).cycle(start.amplitude, turns) or (start if turns else None)
+        if cycle and all(abs(cycle.amplitude / c.amplitude - 1.0) > ONE for c in found):
+            found.append(cycle)
+    return tuple(sorted(found, key=lambda c: c.amplitude))
+
+
 HORIZON = 15.0  # s, of the first run of a loop of blocks
 STEPS = np.geomspace(1e-3, 10.0, 9)  # rad, of the reference of a loop of blocks
 WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks away
@@ -629,9 +708,11 @@ def limit_cycles(
     and loops of blocks are simulated from many starts, each for longer and longer until it rests,
     repeats or grows: what persists is a cycle, and nothing is proven. A swing rests, too, once it
     is below a tenth of the smallest start, or at the end of the budget where it still shrinks and
-    is below starts that rest. The border is bisected to 5 %. Counts are shaken by a hundredth, so
-    that a swing that locks to a place within one is no hunting; a swing that scatters may come to
-    rest by chance, and is seen for 300 half turns or the whole budget.
+    is below starts that rest. The border is bisected to 5 %. With bristles, Newton on the state at
+    e = 0 then gives multipliers, and unstable cycles where it reaches them from those of the
+    sliding curve. Counts are shaken by a hundredth, so that a swing that locks to a place within
+    one is no hunting; a swing that scatters may come to rest by chance, and is seen for 300 half
+    turns or the whole budget.
 
     Hunting by Stribeck friction: Olsson and Astrom, Friction Generated Limit Cycles, IEEE Trans.
     Control Systems Technology 9(4), 2001; Hensen, van de Molengraft and Steinbuch, Friction
@@ -715,7 +796,10 @@ def _searched(
             known = (c for c in rigid.cycles if not c.stable)
             cycles = sorted((*known, *found.cycles), key=lambda c: c.amplitude)
             found = replace(found, cycles=tuple(cycles), curve=rigid.curve)
-        elif rigid.diverges and sensing is None and limit is None:
+        elif sensing is None and limit is None:
+            cycles = bristle_cycles(model, loop, rigid.cycles, found.cycles)
+            found = replace(found, cycles=cycles)
+        if rigid.diverges and sensing is None and limit is None:
             found = replace(found, diverges=True, messages=found.messages + rigid.messages)
     if limit is not None:
         about = {"limit": limit, **about}

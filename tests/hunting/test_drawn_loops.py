@@ -58,8 +58,8 @@ def with_bristles(seed, bend):
 
 def test_bristles_in_a_drawn_loop_agree_with_another_simulation():
     model, gains, own = with_bristles(61, 3e-3)
-    (large,) = lg.limit_cycles(model, **gains).cycles
-    assert large.stable
+    small, large = lg.limit_cycles(model, **gains).cycles
+    assert large.stable and not small.stable and small.multipliers[0] > 1.0 > large.multipliers[0]
     size = brute.with_bristles(**own, e=large.amplitude, turns=12, step=1e-3)
     assert size == pytest.approx(large.amplitude, rel=2e-3)
 
