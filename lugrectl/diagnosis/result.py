@@ -146,6 +146,7 @@ class Diagnosis(Fitted):
 
 # what the reader and the balance notice both: the words of the balance are kept
 SAME = (
+    (r"w lags theta by ", r"w is \S+ ms behind dtheta/dt"),
     (
         r"w is not d theta/dt but \S+ times it: w is ignored",
         r"w is \S+ ms (behind|ahead of) dtheta",

@@ -97,8 +97,8 @@ def _code(x: np.ndarray) -> np.ndarray:
 
 
 def leave_out_outliers(log: Stamped, role: str) -> None:
-    """Leave out samples of a channel that are far off their neighbours, by more than others. What
-    another signal shows stays, however rare it is."""
+    """Leave out samples of a channel that are far off their neighbours, by more than others; in the
+    motion up to four in a row. What another signal shows stays, however rare it is."""
     good = np.isfinite(log.channels[role])
     x = bridged(log.channels[role], ~good)
     if good.sum() < 16 or np.ptp(x) == 0:
@@ -114,10 +114,26 @@ def leave_out_outliers(log: Stamped, role: str) -> None:
         bad[ends] &= far[ends] > high - low
         bad &= ~_felt(log, bad) if bad.any() else bad
     else:
-        bad &= ~confirmed(log, role)
+        bad = good & (bad | _brief(x, limit)) & ~confirmed(log, role)
     if role == "w":  # it may be the difference of a position over lost rows: too large
         bad &= np.diff(log.t, prepend=log.t[:1]) <= 1.5 * usual_step(log.t)
     _leave_out(log, role, bad)
+
+
+def _brief(x: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Return where two to four samples in a row lie beyond those on either side, all one way."""
+    bad = np.zeros(len(x), bool)
+    for rows in (2, 3, 4):
+        before, after = x[: -rows - 1], x[rows + 1 :]
+        least = most = x[1:-rows]
+        for k in range(1, rows):  # far quicker than a reduction over so few samples
+            own = x[1 + k : len(x) - rows + k]
+            least, most = np.minimum(least, own), np.maximum(most, own)
+        above = least - np.maximum(before, after)
+        below = np.minimum(before, after) - most
+        found = np.flatnonzero(np.maximum(above, below) > limit[1 : len(above) + 1]) + 1
+        bad[(found[:, None] + np.arange(rows)).ravel()] = True
+    return bad
 
 
 def _felt(log: Stamped, bad: np.ndarray) -> np.ndarray:
