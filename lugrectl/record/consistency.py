@@ -24,6 +24,7 @@ _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
 _CLOSE = 0.02  # a ratio this close to that of two units means that these were mixed up
 _OFF = 0.03  # a ratio this far from 1 is reported
+_LAG = 1.5  # samples
 _GEARS = 500.0  # the usual ratios
 _LEAST_OFFSET = 0.005  # of the RMS speed
 _DEAD = ("u", "w", "theta")
@@ -120,13 +121,16 @@ def _without_w(record: Record, what: str) -> Record:
 
 class _Speeds(NamedTuple):
     """How w relates to d theta/dt below ``_BAND``: their ratio, 1 or -1 where it may be that, how
-    far they agree, the offset of w and its error, and the RMS speed."""
+    far they agree, the offset of w and its error, the RMS speed, and the lag of w, s, with the
+    least one."""
 
     ratio: float
     agreement: float
     offset: float = 0.0
     error: float = np.inf
     size: float = 0.0
+    lag: float = 0.0
+    least_lag: float = 0.0
 
 
 def _speeds(record: Record) -> _Speeds | None:
@@ -144,7 +148,7 @@ def _speeds(record: Record) -> _Speeds | None:
         for x in (record.w[part], np.gradient(record.theta[part], dt))
     )
     # noise biases a ratio towards 0, so two regressions bracket the true one
-    (ratio, offset, error), (inverse, *_) = _fitted(w, slope, dt), _fitted(slope, w, dt)
+    (ratio, lead, offset, error), (inverse, lag, *_) = _fitted(w, slope, dt), _fitted(slope, w, dt)
     agreement = ratio * inverse
     if agreement < 0.25:
         return _Speeds(_steady_ratio(w, slope), agreement)
@@ -154,11 +158,12 @@ def _speeds(record: Record) -> _Speeds | None:
     same = low <= 1 + margin and high >= 1 - margin
     size = 1.0 if same else float(np.sqrt(ratio / inverse))
     rms = float(np.sqrt(np.mean(slope**2)))
-    return _Speeds(size * float(np.sign(ratio)), agreement, offset, error, rms)
+    sign = float(np.sign(ratio))
+    return _Speeds(size * sign, agreement, offset, error, rms, lag, min(lag, -lead))
 
 
-def _fitted(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, float, float]:
-    """Fit target = g (source + T d source/dt) + ... + c: g, c, and the error of c by leaving out
+def _fitted(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, float, float, float]:
+    """Fit target = g (source + T d source/dt) + ... + c: g, T, c, and the error of c by leaving out
     blocks of time."""
     first = np.gradient(source, dt)
     x = np.column_stack([source, first, np.gradient(first, dt), np.ones_like(source)])
@@ -171,8 +176,9 @@ def _fitted(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, f
         return np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
 
     every = np.arange(_BLOCKS)
-    left, (g, *_, c) = [solved(every != k)[3] for k in every], solved(every)
-    return float(g), float(c), float(np.sqrt((_BLOCKS - 1) * np.var(left)))
+    left, (g, first_g, _, c) = [solved(every != k)[3] for k in every], solved(every)
+    error = np.sqrt((_BLOCKS - 1) * np.var(left))
+    return float(g), float(first_g / g) if g else 0.0, float(c), float(error)
 
 
 def _steady_ratio(w: np.ndarray, slope: np.ndarray) -> float:
@@ -212,6 +218,11 @@ def fitting_speed(record: Record) -> Record:
         side = f"{si_unit('w', record.motion)} too {'high' if offset > 0 else 'low'}"
         said = f"w is {abs(offset):.3g} {side} against d theta/dt: {_IGNORED}"
         return replace(record, w=None).with_messages(said)
+    if speeds.least_lag > _LAG * record.dt:
+        said = (
+            f"w lags theta by {1e3 * speeds.lag:.3g} ms, as a filtered velocity does: not changed."
+        )
+        record = record.with_messages(said)
     return record
 
 

@@ -56,6 +56,7 @@ def _found(log: Log) -> Stamped:
         bad_samples.leave_out_outliers(made, role)
     bad_samples.unwrap_positions(made)  # an outlier hides them
     clock.use_true_times(made)
+    bad_samples.leave_out_kept_speed(made)
     bad_samples.cut_at_jumps(made)
     made.steps = smallest_steps(made.channels)  # a bad sample would hide them
     unwrap_torque(made)  # its wraps would look like bad samples

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from lugrectl.core.errors import Refused
 from lugrectl.record import Record, consistent, read_record
@@ -171,6 +172,21 @@ def test_a_few_samples_are_left_as_they_are(n):
 def test_another_ratio_means_that_w_is_ignored(factor):
     seen = audit(replace(PLAIN, w=factor * PLAIN.w))
     assert seen.w is None and f"{factor:.4g} times" in said(seen)
+
+
+def lag_in(sentence):
+    return float(sentence.split("lags theta by ")[1].split(" ms")[0])
+
+
+@pytest.mark.parametrize("tau", [4e-3, 20e-3, 60e-3])
+def test_a_filtered_velocity_is_said_and_left(tau):
+    """First-order filter of time constant tau: its group delay at low frequency is tau."""
+    a = np.exp(-PLAIN.dt / tau)
+    filtered = replace(PLAIN, w=lfilter([1 - a], [1, -a], PLAIN.w))
+    seen = audit(filtered)
+    np.testing.assert_array_equal(seen.w, filtered.w)
+    (sentence,) = seen.messages
+    assert lag_in(sentence) == pytest.approx(1e3 * PLAIN.dt * a / (1 - a), rel=0.05)
 
 
 # ---- dead channels ------------------------------------------------------------------

@@ -38,3 +38,23 @@ def test_the_torque_of_a_reversal_stays_and_shows_the_inertia(scan):
     assert not left_out(found)
     J = found.parameters.get("J") or found.uncertain.get("J")
     assert J is None or J.may_be(drive.J)
+
+
+def test_a_speed_that_keeps_its_last_value_is_left_out_to_the_end_of_the_log():
+    """Pulses and coasts of J 0.005, Fc 0.4, Fv 0.01; below 2 rad/s the speed is not renewed."""
+    t, dt = 4e-3 * np.arange(6000), 4e-3
+    u = np.select([t % 8 < 2, (t % 8 >= 4) & (t % 8 < 6)], [0.55, -0.58], 0.0)
+    w = np.zeros(len(t))
+    for k in range(len(t) - 1):
+        v, fine = w[k], dt / 40
+        for _ in range(40):
+            rests = v == 0 and abs(u[k]) < 0.4
+            a = 0.0 if rests else (u[k] - 0.4 * np.sign(v or u[k]) - 0.01 * v) / 0.005
+            v = 0.0 if v * (v + fine * a) < 0 else v + fine * a
+        w[k + 1] = v
+    kept = w.copy()
+    for k in range(1, len(t)):
+        kept[k] = w[k] if abs(w[k]) > 2 else kept[k - 1]
+    found = lg.balance({"t": t, "u": u, "w": np.round(kept, 5)})
+    for key, value in (("J", 0.005), ("Fc", 0.4), ("Fv", 0.01)):
+        assert found.parameters[key].value == pytest.approx(value, rel=0.02)

@@ -31,7 +31,7 @@ _TURN = 2 * np.pi
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _SMALL = 1 / 3  # of the range, largest step beside which a wrap (above two thirds) is plain
 _BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
-_STUCK = 3  # equal samples in a row that may be a stuck sensor
+_STUCK, _LONG = 3, 20  # equal samples in a row that may be a stuck sensor; of a noisy speed
 
 
 def say_missing(log: Stamped) -> None:
@@ -97,8 +97,8 @@ def _code(x: np.ndarray) -> np.ndarray:
 
 
 def leave_out_outliers(log: Stamped, role: str) -> None:
-    """Leave out samples of a channel that are far off their neighbours, by more than others. What
-    another signal shows stays, however rare it is."""
+    """Leave out samples of a channel that are far off their neighbours, by more than others; in the
+    motion up to four in a row. What another signal shows stays, however rare it is."""
     good = np.isfinite(log.channels[role])
     x = bridged(log.channels[role], ~good)
     if good.sum() < 16 or np.ptp(x) == 0:
@@ -114,10 +114,26 @@ def leave_out_outliers(log: Stamped, role: str) -> None:
         bad[ends] &= far[ends] > high - low
         bad &= ~_felt(log, bad) if bad.any() else bad
     else:
-        bad &= ~confirmed(log, role)
+        bad = good & (bad | _brief(x, limit)) & ~confirmed(log, role)
     if role == "w":  # it may be the difference of a position over lost rows: too large
         bad &= np.diff(log.t, prepend=log.t[:1]) <= 1.5 * usual_step(log.t)
     _leave_out(log, role, bad)
+
+
+def _brief(x: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Return where two to four samples in a row lie beyond those on either side, all one way."""
+    bad = np.zeros(len(x), bool)
+    for rows in (2, 3, 4):
+        before, after = x[: -rows - 1], x[rows + 1 :]
+        least = most = x[1:-rows]
+        for k in range(1, rows):  # far quicker than a reduction over so few samples
+            own = x[1 + k : len(x) - rows + k]
+            least, most = np.minimum(least, own), np.maximum(most, own)
+        above = least - np.maximum(before, after)
+        below = np.minimum(before, after) - most
+        found = np.flatnonzero(np.maximum(above, below) > limit[1 : len(above) + 1]) + 1
+        bad[(found[:, None] + np.arange(rows)).ravel()] = True
+    return bad
 
 
 def _felt(log: Stamped, bad: np.ndarray) -> np.ndarray:
@@ -232,9 +248,7 @@ def cut_at_jumps(log: Stamped) -> None:
         returns = stop - after >= _STUCK and bool(np.any(size[i] * back < 0))
         bad[out_of] |= returns or _is_stuck(log, out_of, x[stop - 1 : stop + 4][::-1])
     if bad.any():
-        first = log.value("theta", int(bad.argmax()))
-        said = f"theta stands at {first} {log.places(bad)}, and then jumps: left out."
-        log.leave_out("theta", bad, said)
+        _stands(log, "theta", bad)
         a, b, size = _jumps(log)
     new = [not log.new[i + 1 : j + 1].any() for i, j in zip(a, b, strict=True)]
     if any(new):
@@ -245,6 +259,22 @@ def cut_at_jumps(log: Stamped) -> None:
             f"theta jumps by {size[0]:.4g} {si_unit('theta', log.motion)} at {log.place(b[0])}"
             f"{more}, which is no motion: the parts are treated separately."
         )
+
+
+def _stands(log: Stamped, role: str, bad: np.ndarray) -> None:
+    value = log.value(role, int(bad.argmax()))
+    log.leave_out(
+        role, bad, f"{role} stands at {value} {log.places(bad)}, and then jumps: left out."
+    )
+
+
+def leave_out_kept_speed(log: Stamped) -> None:
+    """Leave out where a noisy speed keeps its last value now and then, and jumps after it."""
+    x = log.channels.get("w", np.zeros(0))
+    kept, steps = (x != 0) & (repeats(x) > _LONG), np.abs(np.diff(x))
+    after, others = steps[kept[:-1] & ~kept[1:]], steps[~kept[:-1] & ~kept[1:]]
+    if len(after) and np.mean(others == 0) < 0.3 and after.max() > 3 * np.nanquantile(others, 0.95):
+        _stands(log, "w", kept)
 
 
 def _is_stuck(log: Stamped, run: slice, beside: np.ndarray) -> bool:
