@@ -131,11 +131,8 @@ def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
 
 
 def free_stribeck(w: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, eps: Any, delta: Any) -> Any:
-    """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w.
-
-    Armstrong-Helouvry, Dupont and Canudas de Wit (Automatica 30(7), 1994, section 2) report delta
-    from 0.5 to 1 for some pairs of materials.
-    """
+    """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w; delta from 0.5 to 1 is reported by
+    Armstrong-Helouvry, Dupont and Canudas de Wit (Automatica 30(7), 1994, section 2)."""
     return free_level(w, Fc, Fs, vs, delta) * np.tanh(w / eps) + Fv * w
 
 
@@ -143,8 +140,7 @@ def free_lugre(w, z, sigma0, sigma1, Fc, Fs, Fv, vs, delta: Any = None, vd: Any 
     """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
 
     h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta); None stands for delta = 2 and vd = infinity. Passive
-    under the condition of :func:`lugre`, because h stays between Fc and Fs. vd leaves the friction
-    in steady sliding as it is, where dz/dt = 0; a change of the speed causes less torque.
+    under the condition of :func:`lugre`. vd leaves the friction in steady sliding as it is.
     """
     dz = bristle(w, z, sigma0, Fc, Fs, vs, delta)
     damping = sigma1 if vd is None else sigma1 * np.exp(-((w / vd) ** 2))

@@ -247,18 +247,22 @@ def check(program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30
     """Compare the trace of a block with its own functions at random points of these sizes;
     TraceError where they differ."""
     random, current = np.random.default_rng(len(program.graph.nodes)), dict(block._current_params)
+    spread = np.array([0.0 if k in program.fixed else 0.2 for k in program.keys])[:, None]
     for sizes, signed in ((scales, True), (POSITIVE, False)):
-        points = [_point(program, random, size, signed) for size in sizes]
-        batch = (np.stack(part, axis=-1) for part in zip(*points, strict=True))
-        every = np.concatenate(program.values(*batch))
-        compared = 0
-        for point, ours in zip(points, every.T, strict=True):
-            t, x, u, p = point
-            free = {k: v for k, v in zip(program.keys, p, strict=True) if k not in program.fixed}
+        size, many, compared = np.array(sizes), len(sizes), 0
+        x, u = (size * random.standard_normal((len(of), many)) for of in (program.x, program.u))
+        x, u = (v if signed else np.abs(v) for v in (x, u))
+        moved = (size != 1.0) * spread * random.uniform(-1, 1, (len(spread), many))
+        t, p = np.abs(size * random.standard_normal(many)), program.defaults[:, None] * (1 + moved)
+        every = np.concatenate(program.values(t, x, u, p))
+        for i, ours in enumerate(every.T):
+            point = t[i], x[:, i], u[:, i], p[:, i]
+            pairs = zip(program.keys, point[3], strict=True)
+            free = {k: v for k, v in pairs if k not in program.fixed}
             block._update_params({**current, **free})
             try:
                 with np.errstate(all="ignore"):
-                    own = np.concatenate([block._rhs(t, x, u), block._out(t, x, u)])
+                    own = np.concatenate([block._rhs(*point[:3]), block._out(*point[:3])])
             except (ArithmeticError, ValueError, RuntimeError):
                 continue
             finally:
@@ -267,17 +271,6 @@ def check(program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30
         if compared or not program.xdot + program.y:
             return
     raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
-
-
-def _point(
-    program: Program, random: np.random.Generator, size: float, signed: bool
-) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
-    """Time, states, inputs and parameters of this size."""
-    spread = np.array([0.0 if size == 1.0 or k in program.fixed else 0.2 for k in program.keys])
-    p = program.defaults * (1.0 + spread * random.uniform(-1, 1, len(spread)))
-    x, u = (size * random.standard_normal(len(names)) for names in (program.x, program.u))
-    t = abs(size * random.standard_normal())
-    return (t, x, u, p) if signed else (t, np.abs(x), np.abs(u), p)
 
 
 def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[Any]) -> bool:
