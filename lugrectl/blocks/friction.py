@@ -131,8 +131,11 @@ def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
 
 
 def free_stribeck(w: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, eps: Any, delta: Any) -> Any:
-    """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w; delta from 0.5 to 1 is reported by
-    Armstrong-Helouvry, Dupont and Canudas de Wit (Automatica 30(7), 1994, section 2)."""
+    """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w.
+
+    Armstrong-Helouvry, Dupont and Canudas de Wit (Automatica 30(7), 1994, section 2) report delta
+    from 0.5 to 1 for some pairs of materials.
+    """
     return free_level(w, Fc, Fs, vs, delta) * np.tanh(w / eps) + Fv * w
 
 
