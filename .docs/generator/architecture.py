@@ -14,7 +14,6 @@ import lugrectl
 from .rst import code, filled, listed, prose, table, title
 
 ROOT = Path(lugrectl.__file__).parent
-SPLIT = ("engine",)  # rooms with rooms of their own
 WAY = (  # in the order in which `diagnose` comes to them
     "record.as_record.read_record",
     "record.uniform_time.stretches",
@@ -61,7 +60,7 @@ def pages() -> dict[str, str]:
 def _rooms() -> list[str]:
     folders = [p.parent for p in sorted(ROOT.rglob("__init__.py")) if p.parent != ROOT]
     names = [".".join(p.relative_to(ROOT).parts) for p in folders]
-    return [n for n in names if "." not in n or n.split(".")[0] in SPLIT]
+    return [n for n in names if "." not in n]
 
 
 def _said(room: str) -> str:
@@ -78,8 +77,7 @@ def _of(name: str) -> str:
 def _uses(room: str) -> list[str]:
     """The rooms at the top that its files import."""
     folder, found = ROOT.joinpath(*room.split(".")), set()
-    files = folder.rglob("*.py") if room not in SPLIT else folder.glob("*.py")
-    for path in files:
+    for path in folder.rglob("*.py"):
         inside = ("lugrectl", *path.relative_to(ROOT).parts[:-1])
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.level:
@@ -90,7 +88,4 @@ def _uses(room: str) -> list[str]:
 
 def _room(target: list[str]) -> str:
     """The room of a module."""
-    if target and target[0] in SPLIT and len(target) > 1:
-        inner = ".".join(target[:2])
-        return inner if ROOT.joinpath(*target[:2]).is_dir() else target[0]
     return target[0] if target and ROOT.joinpath(target[0]).is_dir() else ""

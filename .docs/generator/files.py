@@ -9,7 +9,7 @@ from typing import Any
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.blocks.declared_values import KEYS, Stated
+from lugrectl.blocks.model import KEYS, Stated
 
 from .entries import bounds, label, number
 from .rst import code, filled, listed, literal, prose, table, title

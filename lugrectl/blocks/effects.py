@@ -1,10 +1,9 @@
 """Physical effects that may be missing from a declared model: one registered function each.
 
-The output of a torque effect is ``d``, a torque on the resisting side. The output of a level
-effect is the change of the plant's parameters named in ``acts``: relative, or in N m after a
-plus. That of an input effect is the torque that reaches the drive, those of a sensor effect are
-the measured signals. At the neutral value of its gain an effect changes nothing. The order here,
-loads, friction level, contact, actuator, inertia, sensors, is that of the catalogue.
+The output of a torque effect is ``d``, a torque on the resisting side, of a level effect the change
+of the plant's parameters named in ``acts``: relative, or in N m after a plus, of an input effect
+the torque that reaches the drive, of a sensor effect the measured signals. At the neutral value of
+its gain an effect changes nothing. The order here is that of the catalogue.
 """
 
 from __future__ import annotations

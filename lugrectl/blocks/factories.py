@@ -1,9 +1,8 @@
 """Factories: public functions that make a python-control block of a drive's values.
 
-A docstring leaves out what is the same in all of them: the names, that values and bounds are
-checked, what is returned. Most are one function, the equation itself: its docstring holds a
-summary, the equation, and the sections; :func:`built` enters the block and gives back the factory.
-One that does more is written with its own arguments and ``**names``, below :func:`factory`.
+A docstring leaves out what is the same in all of them. Most are one function, the equation itself:
+:func:`built` enters the block and gives back the factory. One that does more is written with its
+own arguments and ``**names``, below :func:`factory`.
 """
 
 from __future__ import annotations

@@ -143,8 +143,7 @@ def free_lugre(w, z, sigma0, sigma1, Fc, Fs, Fv, vs, delta: Any = None, vd: Any 
     """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
 
     h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta); None stands for delta = 2 and vd = infinity. Passive
-    under the condition of :func:`lugre`, because h stays between Fc and Fs. vd leaves the friction
-    in steady sliding as it is, where dz/dt = 0; a change of the speed causes less torque.
+    under the condition of :func:`lugre`. vd leaves the friction in steady sliding as it is.
     """
     dz = bristle(w, z, sigma0, Fc, Fs, vs, delta)
     damping = sigma1 if vd is None else sigma1 * np.exp(-((w / vd) ** 2))

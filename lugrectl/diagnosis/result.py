@@ -140,7 +140,6 @@ class Diagnosis(Fitted):
 # ---- what is said beside an answer
 
 
-CHANGED, WRONG = "its sign was changed for the simulation", "u has the wrong sign"
 FAR = 0.2  # of the declared value, from which a change may have the causes below
 NEAR = 1e-4  # of a bound: at it
 AT = "{} lies at its declared {} = {:.6g}: the record would take it further."
@@ -194,8 +193,7 @@ def noted(asked: Asked, notes: Sequence[str]) -> tuple[str, ...]:
 def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
     """The sentences of an answer, then those of the reader, each once and with the log's name."""
     bare = {note.split(": ", 1)[1] for note in notes if ": " in note}
-    wrong = any(WRONG in note for note in notes)
-    kept = [s for s in said if s not in bare and not (wrong and CHANGED in s)]
+    kept = [s for s in said if s not in bare]
     return tuple(dict.fromkeys([*notes, *kept]))
 
 

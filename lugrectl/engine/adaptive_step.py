@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .graph import Node, derivatives, rename, substitute, symbols_in
+from .graph import Node, derivatives, rename, substitute, symbols_in, where
 from .python_source import Section, numbered, reciprocals, summed, written
 from .rosenbrock import Equations, SparseLU, step
 from .tracer import Hybrid, Program
@@ -64,16 +64,14 @@ def freeze_modes(
 
 def _choose(mode: Node, yes: Node, no: Node) -> Node:
     """The value on the current side; yes + no if the mode is nan, so that a NaN remains."""
-    make = mode.graph.make
-    return make("where", mode > 0.0, yes, make("where", mode <= 0.0, no, yes + no))
+    return where(mode > 0.0, yes, where(mode <= 0.0, no, yes + no))
 
 
 def _floor(mode: Node, a: Node) -> Node:
     """The floor on its side, up to half a cell beyond: even for sin(pi a) > 0, else odd."""
     even = 2.0 * np.floor(0.5 * (a - 0.5) + 0.5)
     odd = 2.0 * np.floor(0.5 * (a - 1.5) + 0.5) + 1.0
-    make = mode.graph.make
-    return make("where", mode > 0.0, even, make("where", mode < 0.0, odd, np.floor(a + 0.5)))
+    return where(mode > 0.0, even, where(mode < 0.0, odd, np.floor(a + 0.5)))
 
 
 _ROOTS = {"sqrt", "power", "log", "log1p", "log10"}

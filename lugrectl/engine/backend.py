@@ -601,7 +601,25 @@ def _from_file(text: str, name: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)
+    for function in vars(module).values():
+        kept = getattr(function, "_cache", None)
+        if hasattr(kept, "load_overload"):
+            _distrust(kept)
     return module
+
+
+def _distrust(kept: Any) -> None:
+    """Let numba compile again where its own files cannot be read."""
+    read = kept.load_overload
+
+    def load_overload(*given: Any) -> Any:
+        try:
+            return read(*given)
+        except Exception:  # whatever a damaged pickle raises
+            kept.flush()
+            return None
+
+    kept.load_overload = load_overload
 
 
 def threads() -> int:

@@ -55,15 +55,10 @@ def average_jumps(roots: Sequence[Node], fixed: set[str]) -> list[Node]:
 
 def _held_part(lead: Node) -> Node:
     """The part of the step in which ``lead`` >= 0, if it is linear over the step."""
-    graph = lead.graph
-    begin, h, t = graph.symbol("begin"), graph.symbol("h"), graph.symbol("t")
-    first = substitute([lead], lambda n, args: begin if n is t else None)[0]
-    last = substitute([lead], lambda n, args: begin + h if n is t else None)[0]
-    change = last - first
-    still = graph.make("where", first >= 0.0, 1.0, 0.0)
-    above, before = graph.make("maximum", last, 0.0), graph.make("maximum", first, 0.0)
-    part = (above - before) / change
-    return graph.make("where", abs(change) > 0.0, part, still)
+    begin, h, t = map(lead.graph.symbol, ("begin", "h", "t"))
+    first, last = (rename([lead], {t.index: at})[0] for at in (begin, begin + h))
+    part = (ufunc.maximum(last, 0.0) - ufunc.maximum(first, 0.0)) / (last - first)
+    return where(abs(last - first) > 0.0, part, where(first >= 0.0, 1.0, 0.0))
 
 
 @dataclass(frozen=True, eq=False)

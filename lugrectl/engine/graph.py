@@ -298,14 +298,6 @@ def _interp(
     return result if right is None else _where(x > places[-1], right, result)
 
 
-def _select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
-    """np.select: the first choice whose condition holds."""
-    result = default
-    for condition, choice in reversed([*zip(conditions, choices, strict=True)]):
-        result = _where(condition, choice, result)
-    return result
-
-
 def _round(value: Any, decimals: Any = 0, **options: Any) -> Any:
     scale = 10.0 ** int(decimals)
     return np.rint(_listed(value) * scale) / scale if decimals else np.rint(_listed(value))
@@ -319,7 +311,6 @@ FUNCTIONS = {
     np.where: _where,
     np.clip: _clip,
     np.interp: _interp,
-    np.select: _select,
     np.fix: lambda value, **options: np.trunc(_listed(value)),
 } | {function: _round for function in (np.round, np.around)}
 

@@ -7,11 +7,12 @@ has a flow between updates (ticks), and the updates; a system alone is a net of 
 
 from __future__ import annotations
 
+import contextlib
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from graphlib import CycleError, TopologicalSorter
+from graphlib import TopologicalSorter
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from .graph import (
     Graph,
     Node,
     TraceError,
+    affine,
     evaluate,
     outline,
     reachable,
@@ -31,6 +33,7 @@ from .graph import (
     signal_array,
     symbols_in,
 )
+from .rosenbrock import SparseLU
 
 if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
     import control as ct
@@ -225,8 +228,11 @@ class Program:
 
 
 class AlgebraicLoop(InputError):
-    """Outputs that depend on themselves without a state in between."""
+    """Outputs that depend on themselves without a state in between, and cannot be solved."""
 
+
+TRIED = 0.7310585786300049  # in place of a symbol that is no parameter, where a divisor is tried
+LEAST = 1e-12  # a divisor below this counts as zero
 
 AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
 NEAR = 1e-11  # of the arguments: how far rounding may move them
@@ -241,18 +247,22 @@ def check(program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30
     """Compare the trace of a block with its own functions at random points of these sizes;
     TraceError where they differ."""
     random, current = np.random.default_rng(len(program.graph.nodes)), dict(block._current_params)
+    spread = np.array([0.0 if k in program.fixed else 0.2 for k in program.keys])[:, None]
     for sizes, signed in ((scales, True), (POSITIVE, False)):
-        points = [_point(program, random, size, signed) for size in sizes]
-        batch = (np.stack(part, axis=-1) for part in zip(*points, strict=True))
-        every = np.concatenate(program.values(*batch))
-        compared = 0
-        for point, ours in zip(points, every.T, strict=True):
-            t, x, u, p = point
-            free = {k: v for k, v in zip(program.keys, p, strict=True) if k not in program.fixed}
+        size, many, compared = np.array(sizes), len(sizes), 0
+        x, u = (size * random.standard_normal((len(of), many)) for of in (program.x, program.u))
+        x, u = (v if signed else np.abs(v) for v in (x, u))
+        moved = (size != 1.0) * spread * random.uniform(-1, 1, (len(spread), many))
+        t, p = np.abs(size * random.standard_normal(many)), program.defaults[:, None] * (1 + moved)
+        every = np.concatenate(program.values(t, x, u, p))
+        for i, ours in enumerate(every.T):
+            point = t[i], x[:, i], u[:, i], p[:, i]
+            pairs = zip(program.keys, point[3], strict=True)
+            free = {k: v for k, v in pairs if k not in program.fixed}
             block._update_params({**current, **free})
             try:
                 with np.errstate(all="ignore"):
-                    own = np.concatenate([block._rhs(t, x, u), block._out(t, x, u)])
+                    own = np.concatenate([block._rhs(*point[:3]), block._out(*point[:3])])
             except (ArithmeticError, ValueError, RuntimeError):
                 continue
             finally:
@@ -261,17 +271,6 @@ def check(program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30
         if compared or not program.xdot + program.y:
             return
     raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
-
-
-def _point(
-    program: Program, random: np.random.Generator, size: float, signed: bool
-) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
-    """Time, states, inputs and parameters of this size."""
-    spread = np.array([0.0 if size == 1.0 or k in program.fixed else 0.2 for k in program.keys])
-    p = program.defaults * (1.0 + spread * random.uniform(-1, 1, len(spread)))
-    x, u = (size * random.standard_normal(len(names)) for names in (program.x, program.u))
-    t = abs(size * random.standard_normal())
-    return (t, x, u, p) if signed else (t, np.abs(x), np.abs(u), p)
 
 
 def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[Any]) -> bool:
@@ -566,19 +565,41 @@ class _Tracer:
         outside = self._linear(net.entry, self.u[: len(net.outside)])
         rows = zip(chain(*self.given), fed, outside, strict=True)
         read = self.read | {v.index: a + b for v, a, b in rows}
-        needs = {k: {n.index for n in reachable([node])} & {*read} for k, node in read.items()}
-        try:
-            order = [*TopologicalSorter(needs).static_order()]
-        except CycleError as error:
-            through = dict.fromkeys(self.readers[k] for k in sorted(error.args[1]))
-            raise AlgebraicLoop(
-                f"{net.name}: algebraic loop through {', '.join(through)}; each output depends on "
-                "itself at the same instant: put a state (a lag, a sensor) or a sample of delay "
-                "between them."
-            ) from None
-        for k in order:
+        needs = _needs(read)
+        if solved := self._solved(read, needs):
+            read |= solved
+            needs = _needs(read)
+        for k in TopologicalSorter(needs).static_order():
             (at[k],) = rename([read[k]], {j: at[j] for j in needs[k]})
         return at
+
+    def _solved(self, read: Mapping[int, Node], left: dict[int, set[int]]) -> dict[int, Node]:
+        """The inputs that depend on themselves, from equations that are linear in them."""
+        while outer := left.keys() - set().union(*(own & left.keys() for own in left.values())):
+            left = {k: own for k, own in left.items() if k not in outer}  # nothing depends on them
+        while outer := [k for k, own in left.items() if not own & left.keys()]:
+            left = {k: own for k, own in left.items() if k not in outer}
+        if not left:
+            return {}
+        through, zero = dict.fromkeys(self.readers[k] for k in sorted(left)), self.graph.constant(0)
+        symbols = [self.graph.nodes[k] for k in left]
+        forms = [form for form in affine([read[k] for k in left], symbols) if form is not None]
+        if len(forms) == len(left):
+            rows = [[float(i is k) - f.slopes.get(k.index, zero) for k in symbols]
+                    for i, f in zip(symbols, forms, strict=True)]  # fmt: skip
+            with contextlib.suppress(KeyError):  # a pivot of 0
+                lu = SparseLU(self.graph, rows)
+                pivots = [lu.upper[i, i] for i in range(len(rows))]
+                known = {slot.node.value: slot.value for slot in self.slots.values()}
+                sizes = evaluate(pivots, {k: known.get(k, TRIED) for k in symbols_in(pivots)})
+                if all(abs(size) > LEAST for size in sizes):
+                    solved = lu.solve([form.offset for form in forms])
+                    return dict(zip(left, solved, strict=True))
+        raise AlgebraicLoop(
+            f"{self.net.name}: algebraic loop through {', '.join(through)}; each output depends on "
+            "itself at the same instant, and not by linear equations with one solution: put a "
+            "state (a lag, a sensor) or a sample of delay between them."
+        )
 
     def _linear(self, matrix: Any, nodes: Sequence[Node]) -> list[Node]:
         rows = np.atleast_2d(np.asarray(matrix, dtype=float))
@@ -648,6 +669,11 @@ class _Tracer:
                 self.fixed[key] = numbers[key]
         known.update(needed)
         return result
+
+
+def _needs(read: Mapping[int, Node]) -> dict[int, set[int]]:
+    """The inputs on which each input depends."""
+    return {k: {n.index for n in reachable([node])} & {*read} for k, node in read.items()}
 
 
 PROBES = (0.0, 1.0, -1.0, 2.0, 3.0, 1e-3, -1e-3, 30.0, -30.0, 1e6, -1e6)

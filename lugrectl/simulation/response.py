@@ -102,7 +102,8 @@ def simulate(
     InputError
         For times that do not increase, shapes that do not fit, a NaN in an input, an unknown
         input or parameter, a value outside its bounds, an unknown method, an rtol outside
-        (0, 1), or an algebraic loop (the blocks are named).
+        (0, 1), or an algebraic loop that has no linear equations with one solution (the blocks
+        are named).
     Diverged
         When a state or signal grows without bound or becomes NaN; the message names it, its
         block and the time. Without bound is beyond 1e15 of the inputs and initial states (at
@@ -120,7 +121,9 @@ def simulate(
     warning reports it. Compiled code serves the next call while the equations are the same: what
     a function of yours reads from outside (a global, an entry of a dictionary, an array) is read
     again at each call. A system whose functions cannot be traced is simulated by LSODA, with a
-    warning that names the block.
+    warning that names the block. Outputs that depend on themselves at the same instant are
+    solved where their equations are linear in them (two lags with feed-through in a loop);
+    python-control refuses such a loop.
 
     A sampled block is updated at the multiples of its sample time. It reads its inputs at that
     instant, sets its outputs at once, holds them until the next update, and advances its

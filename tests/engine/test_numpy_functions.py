@@ -1,4 +1,4 @@
-"""Blocks that round, wrap or select are compiled: steps end where the value jumps."""
+"""Blocks that round or wrap are compiled: steps end where the value jumps."""
 
 from __future__ import annotations
 
@@ -20,10 +20,6 @@ from ..conftest import there
 T = np.linspace(0, 3, 31)
 
 
-def select(v):
-    return np.select([v > 1, v > 0.5], [1.0, 2.0 * v], 3.0)
-
-
 FUNCTIONS = {
     "floor": np.floor,
     "ceil": np.ceil,
@@ -38,7 +34,6 @@ FUNCTIONS = {
     "%": lambda v: v % -0.7,
     "fmod": lambda v: np.fmod(v, 0.7),
     "//": lambda v: v // 0.7,
-    "select": select,
 }
 
 
