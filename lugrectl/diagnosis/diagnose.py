@@ -402,6 +402,7 @@ SWINGS = (
     "The torque varies with the angle: {} of friction. Its phase in the runs is unknown, so it is "
     "not part of the model."
 )
+SLOWER = "Record runs slower than {:.3g} {}, too: there friction may fall over the speed."
 NOT_STEADY = "{} is not at a steady speed like the other runs; hold out one that is, or none."
 LOG_ANGLE = (
     "To distinguish {} from {}: log theta from one zero mark in every run, over slow turns in both "
@@ -446,6 +447,9 @@ def of_map(found: Any, made: Answer, asked: Asked) -> Any:
     if not isinstance(found, Diagnosis):
         del fields["error"]["augmented"]
         return replace(found, **fields)
+    if "vs" in silent and found.experiment is None:
+        slow = float(np.abs(view.motion.w).min())
+        fields["experiment"] = SLOWER.format(slow, unit_for("rad/s", motion))
     fields["torque_error"] = error
     fields["free_error"] = error | {"signal": "u", "in_sample": False}
     fields["depends_on"] = tuple(s for s in found.depends_on if s != "t")

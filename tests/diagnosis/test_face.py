@@ -189,7 +189,7 @@ def test_samples_of_the_covariance(name):
 
 def test_samples_have_the_covariance_of_the_fit():
     d = answer("identified")
-    drawn, names = d.sample(4000, seed=0), list(d.covariance.names)
+    drawn, names = d.sample(16_000, seed=0), list(d.covariance.names)
     x, C = d.covariance.values, np.asarray(d.covariance)
     size = np.sqrt(np.diag(C)) / x
     logs = np.log([drawn[k] for k in names])
