@@ -189,7 +189,8 @@ def friction_curve(last: LastFit) -> list[CurvePoint]:
         ways = [order[side * w[order] > 0] for side in (-1.0, 1.0)]
         parts = [part for own in ways if len(own) >= 2 * const.BINS
                  for part in np.array_split(own, const.BINS)]  # fmt: skip
-    shared = rms(np.array([np.mean(r[part]) for part in parts] or [0.0]))  # of a run, or a bin
+    means = np.array([np.mean(r[part]) for part in parts])  # beside Fc, Fs, vs and Fv
+    shared = float(np.linalg.norm(means)) / np.sqrt(max(len(means) - 4, 1))
     for part in parts:
         x = float(np.mean(torque[part]))
         error = float(np.hypot(np.std(r[part]) / np.sqrt(max(len(part) / 4, 1.0)), shared))
