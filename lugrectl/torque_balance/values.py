@@ -439,8 +439,27 @@ def _within(model: Model, key: str, value: float, ends: Sequence[float]) -> tupl
 
 
 def means_the_same(law: Block) -> bool:
-    """Whether Fc and Fv of the law are those of the balance: another law may mean anything."""
-    return is_ours(law.home)
+    """Whether Fc and Fv of the law are those of the balance: alone, they are "coulomb"."""
+    if is_ours(law.home):
+        return True
+    if law.states or law.inputs != ("w",):
+        return False
+    own, usual = law.defaults(), members("friction")["coulomb"]
+    zero = dict.fromkeys({"Fc", "Fv"} & own.keys(), 0.0)
+    none = dict.fromkeys(("Fc", "Fv"), 0.0)
+    return all(_alike(law, own | zero | {k: 1.0}, usual, none | {k: 1.0}) for k in zero)
+
+
+def _alike(
+    law: Block, values: Mapping[str, float], usual: Block, theirs: Mapping[str, float]
+) -> bool:
+    try:
+        made = [float(law(w, **values)[0]) for w in const.TRY_SPEEDS]
+    except Exception:  # whatever a function of the user raises
+        return False
+    return bool(
+        np.allclose(made, [usual(w, **theirs)[0] for w in const.TRY_SPEEDS], rtol=const.SAME)
+    )
 
 
 def told_by_balance(model: Model) -> bool:
