@@ -11,6 +11,7 @@ from statistics import NormalDist
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.sparse import csr_matrix
 
 from ..blocks.block import Block, unit_for
 from ..core.errors import Refused
@@ -262,7 +263,7 @@ def _grids(
         ends = np.linspace(-np.pi, np.pi, n + 1) if turns else np.linspace(x.min(), x.max(), n)
         at = (x + np.pi) % (2 * np.pi) - np.pi if turns else x
         hats = BSpline.design_matrix(at, np.r_[ends[0], ends, ends[-1]], 1)
-        parts = [(K @ hats.multiply(side[:, None])).toarray() for side in sides]
+        parts = [csr_matrix(K @ hats.multiply(side[:, None])).toarray() for side in sides]
         if turns:  # the last point is the first one
             parts = [np.column_stack([X[:, 0] + X[:, -1], X[:, 1:-1]]) for X in parts]
         change = np.roll(one, 1, 0) - 2 * one + np.roll(one, -1, 0)

@@ -97,3 +97,4 @@ LEAST_RUNS = 4
 CELLS, FINEST = 8, 12  # parts of a run that must have its speed; stretches of each at most
 PER_TURN, NODES = 16, 4  # stretches, as longer ones hide a wave; means of the angle in each
 BINS = 8  # of speed in each direction, for the friction curve; Stribeck speeds that are tried
+TRY_SPEEDS = (-100.0, -10.0, -1.0, 1.0, 10.0, 100.0)  # rad/s: where two laws are compared

@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_matrix
+from scipy.stats import norm, rankdata
 
 from ..blocks.block import Block, members
 from ..blocks.model import Model
@@ -25,6 +26,7 @@ from . import constants as const
 from .columns import Along, needs_inertia
 from .friction import View, declared_terms
 from .motion import Motion, in_turn
+from .table import errors_of
 from .windows import Rows
 
 PLAIN_LAW = {"J", "late", "Fc", "bump", "Fv"}
@@ -215,15 +217,32 @@ class MapView(View):
         """Means (runs,) of rows (m,)."""
         return np.bincount(self.apart, x) / np.bincount(self.apart)
 
+    def _ways(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Speeds, slow to fast, and values (runs,) in either direction."""
+        w = self.by_run(self.motion.w[self.rows.at])
+        ways = [np.flatnonzero(side * w > 0) for side in (1, -1)]
+        order = [way[np.argsort(np.abs(w[way]))] for way in ways]
+        return [(np.abs(w[at]), x[at]) for at in order]
+
+    def follows_speed(self, r: np.ndarray) -> bool:
+        """Residuals of neighbours in speed, or of one speed both ways, are alike, by ranks."""
+        mean = self.by_run(r)
+        z = norm.ppf(rankdata(mean) / (len(mean) + 1))
+        (w, forth), (v, back) = self._ways(z / np.std(z))
+        beside = np.concatenate([x[1:] * x[:-1] for x in (forth, back)])
+        tests = [np.sum(beside) / np.sqrt(max(len(beside), 1))]
+        if len(w) and len(v):
+            across = forth * np.interp(w, v, back)
+            tests.append(abs(np.sum(across)) / np.sqrt(len(across)))
+        return bool(
+            max(tests) > errors_of(const.ALPHA / 2) and np.std(mean) > const.FLOOR * self.size
+        )
+
     def scatter(self, r: np.ndarray) -> float:
         """How far a run lies from the line through its neighbours in speed, or a stretch from its
         run (Gasser, Sroka and Jennen-Steinmetz, Biometrika 73(3), 1986)."""
         off, mean = [0.0], self.by_run(r)
-        w = self.by_run(self.motion.w[self.rows.at])
-        for side in (1, -1):
-            way = np.flatnonzero(side * w > 0)
-            way = way[np.argsort(np.abs(w[way]))]
-            x, y = np.abs(w[way]), mean[way]
+        for x, y in self._ways(mean):
             if len(x) > 2:
                 a = (x[2:] - x[1:-1]) / np.maximum(x[2:] - x[:-2], 1e-300)
                 e = y[1:-1] - a * y[:-2] - (1 - a) * y[2:]

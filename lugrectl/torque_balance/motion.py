@@ -281,7 +281,7 @@ class Sensors:
             parts = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
             return np.column_stack(parts)
 
-        shift = self._far(turned, columns)
+        shift, X, b = self._far(turned, columns), np.zeros((0, 3)), np.zeros(3)
         for _ in range(3):
             X = columns(shift)
             b, weights, scale = _robust_line(X, turned, moves)
@@ -303,7 +303,7 @@ class Sensors:
             self.lag_error = max(self.lag_error, const.FAINT * abs(self.lag))
         self._correct(shift, scale * np.sqrt(0.5 * half) * 0.6)
 
-    def _far(self, turned: np.ndarray, columns: Function) -> float:
+    def _far(self, turned: np.ndarray, columns: Callable[[float], np.ndarray]) -> float:
         """How late w is (s) beyond what a filter does, by a grid; 0 where no delay fits clearly."""
         grid = np.arange(0.0, const.VERY_LATE + 0.5 * const.LATE_STEP, const.LATE_STEP).tolist()
         lines = [columns(T)[:, ::2] for T in grid if len(turned) >= const.SHORTEST] or [

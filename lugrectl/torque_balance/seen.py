@@ -119,7 +119,8 @@ COASTS = (
 )
 ONE_TORQUE = "u has one value in each direction ({}): with that, any inertia explains the motion."
 TWO = "Record two or more torques in one direction, or declare J."
-OPPOSED = "the torque opposes the motion that it should sustain, at every speed"
+OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
+TURN = "Check the sign of u; {} reverses it."
 AGAINST = "the log contradicts the declared inertia, of which u has nothing"
 NEGATIVE = "the inertia comes out negative and there is no friction"
 UNTRUE = "{}: u follows the motion, or has the wrong sign: give {}."
@@ -189,8 +190,9 @@ def refuse_dead(view: View, width: Width | Still) -> None:
         ways = [m.u[at[side * m.w[at] > 0]] for side in (1, -1)]
         values = [f"{np.median(u):.3g} {unit}" for u in ways if len(u)]
         raise Refused(ONE_TORQUE.format(", ".join(values)), TWO)
-    untrue = OPPOSED if view.backward else ""
-    untrue = AGAINST if width.against and not coasts else untrue
+    if view.backward:
+        raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
+    untrue = AGAINST if width.against and not coasts else ""
     untrue = NEGATIVE if width.impossible and not view.declared.get("J") else untrue
     if untrue:
         raise Refused(UNTRUE.format(untrue, option("scale", "u=-1")), COMMANDED)

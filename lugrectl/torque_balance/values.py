@@ -187,7 +187,8 @@ def friction_curve(last: LastFit) -> list[CurvePoint]:
         ways = [order[side * w[order] > 0] for side in (-1.0, 1.0)]
         parts = [part for own in ways if len(own) >= 2 * const.BINS
                  for part in np.array_split(own, const.BINS)]  # fmt: skip
-    shared = rms(np.array([np.mean(r[part]) for part in parts] or [0.0]))  # of a run, or a bin
+    means = np.array([np.mean(r[part]) for part in parts])  # beside Fc, Fs, vs and Fv
+    shared = float(np.linalg.norm(means)) / np.sqrt(max(len(means) - 4, 1))
     for part in parts:
         x = float(np.mean(torque[part]))
         error = float(np.hypot(np.std(r[part]) / np.sqrt(max(len(part) / 4, 1.0)), shared))
@@ -436,8 +437,27 @@ def _within(model: Model, key: str, value: float, ends: Sequence[float]) -> tupl
 
 
 def means_the_same(law: Block) -> bool:
-    """Whether Fc and Fv of the law are those of the balance: another law may mean anything."""
-    return is_ours(law.home)
+    """Whether Fc and Fv of the law are those of the balance: alone, they are "coulomb"."""
+    if is_ours(law.home):
+        return True
+    if law.states or law.inputs != ("w",):
+        return False
+    own, usual = law.defaults(), members("friction")["coulomb"]
+    zero = dict.fromkeys({"Fc", "Fv"} & own.keys(), 0.0)
+    none = dict.fromkeys(("Fc", "Fv"), 0.0)
+    return all(_alike(law, own | zero | {k: 1.0}, usual, none | {k: 1.0}) for k in zero)
+
+
+def _alike(
+    law: Block, values: Mapping[str, float], usual: Block, theirs: Mapping[str, float]
+) -> bool:
+    try:
+        made = [float(law(w, **values)[0]) for w in const.TRY_SPEEDS]
+    except Exception:  # whatever a function of the user raises
+        return False
+    return bool(
+        np.allclose(made, [usual(w, **theirs)[0] for w in const.TRY_SPEEDS], rtol=const.SAME)
+    )
 
 
 def told_by_balance(model: Model) -> bool:

@@ -36,7 +36,7 @@ from .last_fit import (
     state_of,
     tells,
 )
-from .maps import Still
+from .maps import MapView, Still
 from .motion import Sensors
 from .search import Search
 from .seen import refuse_dead, seen
@@ -518,6 +518,9 @@ def answer(
     made = _Judge(view, train, test, split, decision, view).answer()
     for key in ("without", "with_names", "refitted", "trained", "declared_error"):
         setattr(made, key, getattr(other, key))
+    assert isinstance(view, MapView)
+    if made.verdict != "unexplained" and view.follows_speed(made.last.left):
+        made.verdict, made.depends_on = "unexplained", ["w"]
     return made
 
 
