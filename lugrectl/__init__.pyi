@@ -5,16 +5,16 @@ from collections.abc import Sequence
 import control as ct
 
 from . import results as results
-from .bench import Assurance as Assurance
-from .bench import Compensation as Compensation
-from .bench import HuntingChance as HuntingChance
-from .bench import ObserverComparison as ObserverComparison
-from .bench import Recommendation as Recommendation
-from .bench import assure as assure
-from .bench import compare_observers as compare_observers
-from .bench import compensate as compensate
-from .bench import hunting_chance as hunting_chance
-from .bench import recommend_observer as recommend_observer
+from .bench.assure import Assurance as Assurance
+from .bench.assure import HuntingChance as HuntingChance
+from .bench.assure import assure as assure
+from .bench.assure import hunting_chance as hunting_chance
+from .bench.compensate import Compensation as Compensation
+from .bench.compensate import compensate as compensate
+from .bench.observers import ObserverComparison as ObserverComparison
+from .bench.observers import Recommendation as Recommendation
+from .bench.observers import compare_observers as compare_observers
+from .bench.observers import recommend_observer as recommend_observer
 from .blocks.block import P as P
 from .blocks.catalogue import controllers as controllers
 from .blocks.catalogue import effects as effects
@@ -44,9 +44,9 @@ from .blocks.sliding_control import repetitive_control as repetitive_control
 from .blocks.sliding_control import repetitive_memory as repetitive_memory
 from .blocks.sliding_control import sliding_error as sliding_error
 from .blocks.table import tabulated as tabulated
-from .commissioning import frequency_response as frequency_response
-from .commissioning import response_plan as response_plan
-from .commissioning import tune as tune
+from .commissioning.of_record import frequency_response as frequency_response
+from .commissioning.of_record import response_plan as response_plan
+from .commissioning.tuning import tune as tune
 from .core.errors import Diverged as Diverged
 from .core.errors import InputError as InputError
 from .core.errors import Refused as Refused
@@ -57,7 +57,7 @@ from .design import certify as certify
 from .design import design_gains as design_gains
 from .design import excitation as excitation
 from .design import natural_decay as natural_decay
-from .diagnosis.balance import balance as balance
+from .diagnosis.asked import balance as balance
 from .diagnosis.compare_laws import LawComparison as LawComparison
 from .diagnosis.compare_laws import compare_laws as compare_laws
 from .diagnosis.diagnose import diagnose as diagnose
@@ -66,12 +66,12 @@ from .diagnosis.fleet import Fleet as Fleet
 from .diagnosis.fleet import diagnose_each as diagnose_each
 from .diagnosis.result import Diagnosis as Diagnosis
 from .estimates.findings import Table as Table
-from .hunting import HuntingMap as HuntingMap
-from .hunting import LimitCycles as LimitCycles
-from .hunting import StickSlip as StickSlip
-from .hunting import hunting_map as hunting_map
-from .hunting import limit_cycles as limit_cycles
-from .hunting import stick_slip_speed as stick_slip_speed
+from .hunting.hunt import LimitCycles as LimitCycles
+from .hunting.hunt import limit_cycles as limit_cycles
+from .hunting.loop import HuntingMap as HuntingMap
+from .hunting.loop import hunting_map as hunting_map
+from .hunting.stick_slip import StickSlip as StickSlip
+from .hunting.stick_slip import stick_slip_speed as stick_slip_speed
 from .linear import DelayedTransfer as DelayedTransfer
 from .linear import bandwidth as bandwidth
 from .linear import bandwidth_check as bandwidth_check
@@ -96,13 +96,13 @@ from .loops.friction_loops import velocity_loop as velocity_loop
 from .paper.equations import PAPER as PAPER
 from .record import Record as Record
 from .record import read_record as read_record
-from .simulation.bristle_deflection import deflection as deflection
 from .simulation.response import simulate as simulate
+from .simulation.response import simulate_sampled as simulate_sampled
+from .simulation.sampled_block import deflection as deflection
 from .simulation.sampled_block import sampled as sampled
-from .simulation.sampled_response import simulate_sampled as simulate_sampled
+from .simulation.sweep import Sweep as Sweep
 from .simulation.sweep import sweep as sweep
 from .simulation.sweep import sweep_chunks as sweep_chunks
-from .simulation.sweep_result import Sweep as Sweep
 
 __version__: str
 __all__: list[str]
