@@ -824,7 +824,7 @@ def _result(
     margins = stability_check(loop)
     if not margins:
         raise Refused(f"no gains are certain to be stable: {margins.reason}.", "")
-    cascade = None
+    cascade: dict[str, float] | None = None
     if search.structure != "PID":
         cascade = dict(zip(("kv", "kp", "ki"), map(float, search.cascade(shape)), strict=True))
     own = Gains(cascade["kp"], cascade["ki"], 0.0) if cascade and search.structure == "PI" else g

@@ -240,7 +240,7 @@ def _turns(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.n
     at = np.flatnonzero(changes(D))
     ends, sizes, k = x[[at, at + 1]], D[[at, at + 1]], np.arange(len(at))
     for _ in range(CUTS if len(at) else 0):
-        cut = np.geomspace(*ends, PARTS + 1)
+        cut = np.geomspace(ends[0], ends[1], PARTS + 1)
         seen = excess(lanes.many(cut.size), cut.ravel()).reshape(cut.shape)
         first = np.argmax(changes(seen), axis=0)
         ends, sizes = (row[[first, first + 1], k] for row in (cut, seen))
@@ -490,7 +490,7 @@ def model_run(
         seen = e if sensing is None else float(rounded(e, sensing.resolution))
         held = (loop.kp * seen - loop.curve.Fs) / loop.ki if loop.ki else 0.0
         start = {"theta": e, "z": -bend, "last": seen, "last_e": seen, "q": held}
-        t, inputs = _times(times, seconds), {"r": 0.0}
+        t, inputs = _times(times, seconds), dict[str, Any](r=0.0)
         if sensing is not None:
             # a swing that locks to a place within a count and ends when it is shaken is no hunting
             t, random = sensing.dt * np.arange(SAMPLES * times), np.random.default_rng(0)

@@ -174,10 +174,10 @@ class Loop:
         own, torque = self.matrix.copy(), np.array([0.0, 1.0 / self.J, 0.0])
         own[1, 1] -= self.curve.viscous / self.J
         rates, V = np.linalg.eig(own)
-        slowest = np.abs(rates.real)[np.abs(rates) > SLOW * self.wn].min()
+        slowest = np.abs(np.real(rates))[np.abs(rates) > SLOW * self.wn].min()
         t = np.r_[0.0, np.geomspace(EARLY / self.wn, LATE / slowest, TIMES)]
         made = (V[:2] * np.linalg.solve(V, torque + 0j)) @ np.exp(np.outer(rates, t))
-        error, speed = np.trapezoid(np.abs(made.real), t) * self.curve.most / self.unit
+        error, speed = np.trapezoid(np.abs(np.real(made)), t) * self.curve.most / self.unit
         return float(speed / self.wn), float(error)
 
 

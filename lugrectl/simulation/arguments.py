@@ -105,7 +105,8 @@ def inputs(name: str, labels: Sequence[str], t: np.ndarray, given: Any) -> np.nd
         return by_name(name, labels, t, given)
     is_list = isinstance(given, (list, tuple)) and len(given) not in (0, len(t))
     nothing = given is None or (isinstance(given, (list, tuple)) and not given)
-    parts, rows = given if is_list else [0.0 if nothing else given], []
+    parts: Any = given if is_list else [0.0 if nothing else given]
+    rows = []
     for i, part in enumerate(parts):
         row = array(part, f"inputs[{i}]" if is_list else "inputs")
         if row.ndim < 2 and row.shape != (len(t),):  # each number of a part for all times

@@ -528,7 +528,9 @@ class _Gathered:
         shapes = {"y": len(plan.rows)} if plan.reduce is None else {}
         shapes |= {"x": len(plan.keep)} if plan.keep else {}
         size = len(index), len(plan.t)
-        self.arrays = {k: np.full((size[0], rows, size[1]), np.nan) for k, rows in shapes.items()}
+        self.arrays: dict[str, Any] = {
+            k: np.full((size[0], rows, size[1]), np.nan) for k, rows in shapes.items()
+        }
         self.done = np.zeros(len(index), dtype=bool)
         self.failed, self.coarse = dict[int, str](), dict[int, float]()
         self.interrupted = False
@@ -540,7 +542,7 @@ class _Gathered:
             if isinstance(answer, str):
                 self.failed[member] = answer
                 continue
-            named = zip(("y", "x", "reduced"), answer, strict=False)
+            named: Any = zip(("y", "x", "reduced"), answer, strict=False)
             for name, values in ((k, v) for k, v in named if v is not None):
                 if name not in self.arrays:
                     self.arrays[name] = np.full((len(self.done), *values.shape), np.nan)
