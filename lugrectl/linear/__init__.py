@@ -1,9 +1,15 @@
 """Linear checks: L2 gain, strict positive realness, bandwidth, and the loops they apply to."""
 
-from .band import NoBandwidthWarning, UnstableLoopWarning, bandwidth, bandwidth_check
+from .band import (
+    BandwidthVerdict,
+    NoBandwidthWarning,
+    UnstableLoopWarning,
+    bandwidth,
+    bandwidth_check,
+)
 from .delayed import DelayedTransfer, delayed, linearize
-from .designs import check_designs
-from .l2 import l2_check
+from .designs import DesignChecks, check_designs
+from .l2 import L2Verdict, l2_check
 from .loops import (
     position_L,
     position_loop_tf,
@@ -12,14 +18,21 @@ from .loops import (
     velocity_loop_tf,
     velocity_T,
 )
-from .passivity import passivity_check
-from .spr import spr_check, spr_repair
-from .stability import AxisAsLoopWarning, stability_check
+from .passivity import PassivityVerdict, passivity_check
+from .spr import Repair, SprVerdict, spr_check, spr_repair
+from .stability import AxisAsLoopWarning, StabilityVerdict, stability_check
 
 __all__ = [
     "AxisAsLoopWarning",
+    "BandwidthVerdict",
     "DelayedTransfer",
+    "DesignChecks",
+    "L2Verdict",
     "NoBandwidthWarning",
+    "PassivityVerdict",
+    "Repair",
+    "SprVerdict",
+    "StabilityVerdict",
     "UnstableLoopWarning",
     "bandwidth",
     "bandwidth_check",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,10 +11,12 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.views import view
-from .system import Verdict
-from .systems import StateSystem, system_of
+from .state_system import StateSystem
+from .systems import system_of
 from .transfer import number
+from .verdict import Verdict
 
+HERTZ = re.compile(r" \([^()]* Hz\)")
 LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}
 
 
@@ -29,9 +32,9 @@ class NoBandwidthWarning(UserWarning):
 class BandwidthVerdict(Verdict):
     """Truthy iff T is stable and its bandwidth is a finite number.
 
-    ``bandwidth`` in rad/s and ``hertz``: the first fall of |T(jw)| through the level; nan without a
-    DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all crossings in rad/s,
-    falling and rising in turn. ``poles`` in 1/s, rightmost first (sampled: in
+    ``bandwidth`` in rad/s and ``hertz`` (nan where T.dt is True): the first fall of |T(jw)| through
+    the level; nan without a DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all
+    crossings in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first (sampled: in
     z, the largest first), empty with dead times, where there are infinitely many.
     """
 
@@ -41,10 +44,20 @@ class BandwidthVerdict(Verdict):
     stable: bool
     poles: tuple[complex, ...]
     reason: str
-    _units = {"bandwidth": "rad/s", "hertz": "Hz", "crossings": "rad/s", "poles": "1/s"}
+    _units = {
+        "bandwidth": "rad/s",
+        "hertz": "Hz",
+        "crossings": "rad/s",
+        "poles": "1/s",
+    }
 
     def __bool__(self) -> bool:
         return self.stable and math.isfinite(self.bandwidth)
+
+    def _per_sample(self) -> None:
+        super()._per_sample()
+        object.__setattr__(self, "hertz", math.nan)
+        object.__setattr__(self, "reason", HERTZ.sub("", self.reason))
 
     def plot(self, ax: Any = None) -> Any:
         """Draw |T(jw)| with the bandwidth; returns a list of its Axes.
@@ -86,11 +99,12 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     -----
     Stability is decided exactly for the given coefficients (Routh), after cancelling common
     factors; touching the level does not count as a crossing. A state-space model of more than 6
-    states is decided in floating point.
+    states is decided in floating point, at the cost of a few eigenvalue problems; a crossing that
+    rounding blurs by more than 1e-6 is given by the frequency up to which there surely is none.
 
-    With dead times the crossings are found in floating point, and the poles that are not stable
-    are counted by the argument of the denominator (Nyquist); ``poles`` is then empty. A dead time
-    in front of T does not change its bandwidth.
+    With dead times the crossings are isolated in floating point, none is missed between points of
+    a grid, and the poles that are not stable are counted by the argument of the denominator
+    (Nyquist); ``poles`` is then empty. A dead time in front of T does not change its bandwidth.
 
     Of a sampled T(z), T(exp(jw dt)) is meant, up to half the sampling rate, w in rad/s (per sample
     where T.dt is True), ``poles`` are in z, and the same arithmetic decides.
@@ -112,15 +126,21 @@ def _floating(T: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
 
 
 def _verdict(system: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
-    dc, name = system.dc(), level if isinstance(level, str) else f"{level:g} dB"
-    base, width, crossings = f"|{system.base}|", math.nan, ()
+    name = level if isinstance(level, str) else f"{level:g} dB"
+    dc, doubt = system.dc()
+    base, width, crossings, said = f"|{system.base}|", math.nan, (), ""
     if 0 < dc < math.inf:
-        crossings = system.signs("size", power * Fraction(dc) ** 2).changes
-        width = min(crossings, default=math.inf)
-        said = f"never falls below {name} of {base} = {float(dc):.6g}"
-        if crossings:
-            said = f"falls through {name} of {base} = {float(dc):.6g} at {width:.6g} rad/s "
-            said += f"({width / (2 * math.pi):.6g} Hz)"
+        found = system.signs("size", power * Fraction(dc) ** 2, doubt)
+        crossings = tuple(edge.first for edge in found.edges)
+        blurred = [edge for edge in found.touches if edge.low < edge.high]
+        edges = sorted([*found.edges[:1], *blurred[:1]], key=lambda edge: edge.low)
+        width = edges[0].first if edges else math.inf
+        said = f"through {name} of {base} = {float(dc):.6g} at {width:.6g} rad/s "
+        said = f"falls {said}({width / (2 * math.pi):.6g} Hz)"
+        if not edges:
+            said = f"never falls below {name} of {base} = {float(dc):.6g}"
+        elif edges[0] in blurred or not edges[0].sharp:
+            said += f", or up to {edges[0].high:.6g} rad/s: rounding decides"
         reason = f"|T({system.border.argument})| {said}"
     else:
         reason = f"{system.base} is {'infinite' if dc else 'zero'}, so there is no DC gain to "

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import reduce
+from itertools import combinations
 from typing import Any
 
 import control as ct
@@ -20,12 +20,11 @@ import numpy as np
 from ..blocks.controllers import DeadTime, dead_times
 from ..core.errors import InputError
 from ..core.validation import array, shown
-from .exact import Poly, Quasi, gcd, mul, scale
+from .border import Border, is_sampled
+from .exact import Poly, Quasi, add, divide, gcd, mul, scale
 from .transfer import (
-    Border,
     coefficients,
     is_measured,
-    is_sampled,
     not_negative,
     number,
     require_continuous_siso,
@@ -226,6 +225,7 @@ def reduced(num: Quasi, den: Quasi, cancelled: Poly = (1,)) -> DelayedTransfer:
 
 
 def _written(q: Quasi) -> str:
+    """A quasi-polynomial in s."""
     parts = []
     for late, p in q.terms:
         powers = {i: "" if not i else "s" if i == 1 else f"s^{i}" for i, c in enumerate(p) if c}
@@ -340,32 +340,41 @@ def _read(A: np.ndarray, C: np.ndarray) -> list[int]:
 def closed_over(model: Any, late: Sequence[Fraction]) -> DelayedTransfer:
     """T(s) from the first input to the first output, where each further output, delayed, is the
     further input."""
-    # With H = N/d the response of the model, z the diagonal of exp(-s h) and H22 its part of the
-    # further channels, T = det [[H11, -H12 z], [H21, I - H22 z]]/det(I - H22 z).
-    tops, d = state_space_polynomials(model)
-    delays = [Fraction(0), *late]
-
-    def entry(i: int, k: int) -> Quasi:
-        own = Quasi.of([(delays[k], scale(tops[i][k], -1 if k else 1))])
-        return own + Quasi.of([(0, d)]) if i == k > 0 else own
-
-    M = [[entry(i, k) for k in range(len(delays))] for i in range(len(delays))]
-    num, den = _determinant(M), _determinant([row[1:] for row in M[1:]])
-    powers = [reduce(mul, [d] * k, (1,)) for k in (len(late), len(late) - 1)]
-    return reduced(num.over(powers[0]), den.over(powers[1]))
+    # With H the response of the model, z the diagonal of exp(-s h) and H22 its part of the further
+    # channels, T = det(I - H z, of all channels but the first input's)/det(I - H22 z); both are
+    # sums of principal minors of H.
+    tops, den = state_space_polynomials(model)
+    sets = [S for k in range(len(late) + 1) for S in combinations(range(1, len(late) + 1), k)]
+    num_terms, den_terms = [], []
+    for S in sets:
+        delay, sign = sum((late[i - 1] for i in S), Fraction(0)), (-1) ** len(S)
+        num_terms.append((delay, scale(_minor(tops, (0, *S), den), sign)))
+        den_terms.append((delay, scale(_minor(tops, S, den), sign)))
+    return reduced(Quasi.of(num_terms), Quasi.of(den_terms))
 
 
-def _determinant(M: list[list[Quasi]]) -> Quasi:
+def _minor(tops: Any, S: tuple[int, ...], den: Poly) -> Poly:
+    """The principal minor of H of the channels S times ``den``, a polynomial."""
+    if not S:
+        return den
+    minor = _determinant([[tops[i][k] for k in S] for i in S])
+    for _ in S[1:]:
+        minor = divide(minor, den)[0]
+    return minor
+
+
+def _determinant(M: list[list[Poly]]) -> Poly:
     if len(M) == 1:
         return M[0][0]
-    total = Quasi(())
+    total: Poly = ()
     for k, top in enumerate(M[0]):
         rest = [[*row[:k], *row[k + 1 :]] for row in M[1:]]
-        total += (top * _determinant(rest)).scaled((-1) ** k)
+        total = add(total, scale(mul(top, _determinant(rest)), (-1) ** k))
     return total
 
 
 def _differences(system: Any, x0: Any, u0: Any, t: float, params: Any) -> list[np.ndarray]:
+    """A, B, C and D by central differences."""
     if isinstance(system, ct.StateSpace):
         return [np.asarray(M, dtype=float) for M in (system.A, system.B, system.C, system.D)]
     for value, name, many in ((x0, "x0", system.nstates), (u0, "u0", system.ninputs)):
@@ -388,32 +397,42 @@ def _differences(system: Any, x0: Any, u0: Any, t: float, params: Any) -> list[n
 
 
 def _chosen(label: str | None, labels: list[str], what: str, late: list[DeadTime]) -> list[int]:
-    if label is None and (len(labels) == 1 or not any(one.seconds > 0 for one in late)):
-        return [*range(len(labels))]
     if label is None:
-        said = f"the system has {len(labels)} {what}s and a dead time: give {what}=, one of"
-        raise InputError(f"{said} {', '.join(labels)}.")
+        if len(labels) > 1 and any(one.seconds > 0 for one in late):
+            raise InputError(
+                f"the system has {len(labels)} {what}s and a dead time: give {what}=, one of "
+                f"{', '.join(labels)}."
+            )
+        return [*range(len(labels))]
     if label not in labels:
         raise InputError(f"{what} is {shown(label)}, but there is {', '.join(labels)}.")
     return [labels.index(label)]
 
 
-def _without_pade(linear: list[np.ndarray], late: list[DeadTime]) -> tuple[Any, Any, Any, Any]:
+def _without_pade(
+    linear: list[np.ndarray], late: list[DeadTime]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The system without the states of its dead times, whose inputs and outputs are the last."""
     A, B, C, D = linear
-    places = [one.place for one in late]
-    keep = [k for k in range(len(A)) if k not in {*places, *(k + 1 for k in places)}]
-    p2 = [one.place + 1 for one in late if one.seconds > 0]
-    A1, B1, C1 = A[np.ix_(keep, keep)], B[keep], C[:, keep]
-    if not p2:
-        return A1, B1, C1, D
-    # the signals q that enter, from the rows of p2; p1 is not in them
-    size = np.array([one.seconds / 12.0 for one in late if one.seconds > 0])[:, None]
-    Q, R, eye = size * A[p2], size * B[p2], np.eye(len(p2))
-    P = Q[:, p2] + 0.5 * eye
+    first = [one.place for one in late]
+    second = [k + 1 for k in first]
+    keep = [k for k in range(len(A)) if k not in {*first, *second}]
+    on = [k for k, one in enumerate(late) if one.seconds > 0]
+    places = [second[k] for k in on]
+    # q = Q x + P p2 + R u of the signals that enter, from the rows of p2
+    size = np.array([12.0 / late[k].seconds for k in on])[:, None]
+    Q, R = A[np.ix_(places, keep)] / size, B[places] / size
+    P = A[np.ix_(places, places)] / size + 0.5 * np.eye(len(places))
     P[np.abs(P) < NOISE] = 0.0
-    B1, C1 = np.hstack([B1, A[np.ix_(keep, p2)]]), np.vstack([C1, Q[:, keep]])
-    G: Any = ct.ss(A1, B1, C1, np.block([[D, C[:, p2]], [R, P]]), remove_useless_states=False)
-    # p2 = q - v of the signals v that leave
-    made = G.lft(ct.ss([], [], [], np.block([[eye, -eye], [eye, 0.0 * eye]])), len(p2), len(p2))
-    return made.A, made.B, made.C, made.D
+    # p2 = q - v = P p2 + Q x + R u - v
+    solve = np.linalg.inv(np.eye(len(places)) - P)
+    x_to, u_to, v_to = solve @ Q, solve @ R, -solve
+    columns = np.vstack([A[np.ix_(keep, places)], C[:, places]])
+    states, own = len(keep), np.vstack([A[np.ix_(keep, keep)], C[:, keep]])
+    inputs = np.vstack([B[keep], D])
+    own, inputs, new = own + columns @ x_to, inputs + columns @ u_to, columns @ v_to
+    A1, C1 = own[:states], np.vstack([own[states:], x_to])
+    B1 = np.hstack([inputs[:states], new[:states]])
+    below = np.hstack([u_to, v_to + np.eye(len(places))])
+    D1 = np.vstack([np.hstack([inputs[states:], new[states:]]), below])
+    return A1, B1, C1, D1

@@ -8,12 +8,11 @@ No decision here is made in floating point; floats appear only as values of isol
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, reduce
 from itertools import pairwise, zip_longest
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ Poly = tuple[Fraction | int, ...]
 
 
 def poly(coefficients: Iterable[Fraction | int]) -> Poly:
+    """Ascending coefficients without the trailing zeros."""
     p = list(coefficients)
     while p and p[-1] == 0:
         p.pop()
@@ -44,6 +44,7 @@ def scale(a: Poly, c: Fraction | int) -> Poly:
 
 
 def divide(a: Poly, b: Poly) -> tuple[Poly, Poly]:
+    """Quotient and remainder of a / b."""
     rest, quotient = list(a), [Fraction(0)] * max(len(a) - len(b) + 1, 0)
     for k in range(len(quotient) - 1, -1, -1):
         q = quotient[k] = Fraction(rest[k + len(b) - 1]) / b[-1]
@@ -91,8 +92,7 @@ def gcd(a: Poly, b: Poly) -> Poly:
     return scale(a, -1) if a and a[-1] < 0 else a
 
 
-def shift(a: Any, eps: Fraction | int) -> Any:
-    """a(s - eps)"""
+def shift(a: Poly, eps: Fraction) -> Poly:
     p = list(a)
     for i in range(len(p) - 1):
         for k in range(len(p) - 2, i - 1, -1):
@@ -124,6 +124,7 @@ def squarefree(a: Poly) -> list[Poly]:
 
 
 def distinct_roots(a: Poly) -> Poly:
+    """A polynomial with every root of a, once each."""
     return divide(a, gcd(a, derivative(a)))[0]
 
 
@@ -132,66 +133,82 @@ def odd_roots(a: Poly) -> Poly:
     return reduce(mul, squarefree(a)[0::2], (1,))
 
 
-def sign_at(a: tuple[int, ...], k: int, bits: int) -> int:
-    """At k/2^bits."""
-    value = 0
-    for i, c in enumerate(reversed(a)):
-        value = value * k + (c << bits * i)
+def sturm(a: Poly) -> list[tuple[int, ...]]:
+    chain = [primitive(a), primitive(derivative(a))]
+    while chain[-1]:
+        chain.append(primitive(scale(remainder(chain[-2], chain[-1]), -1)))
+    return chain[:-1]
+
+
+def sign_at(a: tuple[int, ...], x: Fraction | None) -> int:
+    """Sign of a(x), of a at +infinity when x is None; integer arithmetic only."""
+    if x is None:
+        value = a[-1]
+    else:
+        value, power = 0, 1
+        for c in reversed(a):
+            value = value * x.numerator + c * power
+            power *= x.denominator
     return (value > 0) - (value < 0)
 
 
-def isolated(a: Poly) -> Iterator[tuple[tuple[int, ...], Fraction, Fraction]]:
-    """For each root in (0, inf) of a square-free a, ascending, q, low and width: it is the only one
-    of q(x) = c a(low + width x), 0 < x < 1 (Vincent, Collins, Akritas); or low, with an empty q."""
-    p = primitive(a[1:] if a[0] == 0 else a)
-    # Cauchy's bound, rounded up to a power of two so that every bisection point is dyadic.
-    top = 2 ** math.ceil(1 + max(abs(Fraction(c, p[-1])) for c in p)).bit_length()
-    start = tuple(c * top**i for i, c in enumerate(p))
-    todo = [(start, Fraction(0), Fraction(top))] if min(p) < 0 < max(p) else []
-    while todo:
-        q, low, width = todo.pop()
-        signs = [c > 0 for c in shift(q[::-1], -1) if c]
-        changes = sum(s != t for s, t in pairwise(signs))
-        if changes == 1 or not q:
-            yield q, low, width
-        elif changes:
-            near = tuple(c << (len(q) - 1 - i) for i, c in enumerate(q))
-            far, half = shift(near, -1), width / 2
-            zero = far[0] == 0
-            todo += [(far[zero:], low + half, half), *[((), low + half, half)] * zero]
-            todo.append((near, low, half))
+def changes(chain: list[tuple[int, ...]], x: Fraction | None) -> int:
+    """Sign changes along the chain at x; their decrease over (a, b] is the number of roots."""
+    signs = [s for s in (sign_at(a, x) for a in chain) if s]
+    return sum(s != t for s, t in pairwise(signs))
+
+
+def count_positive(a: Poly) -> int:
+    """Number of roots in (0, inf) of a square-free a."""
+    if all(c >= 0 for c in a) or all(c <= 0 for c in a):
+        return 0
+    chain = sturm(a)
+    return changes(chain, Fraction(0)) - changes(chain, None)
 
 
 def positive_roots(a: Poly) -> list[float]:
     """Roots in (0, inf) of a square-free a, ascending, to about the last digit."""
-    found = []
-    for q, low, width in isolated(a):
-        start, k, bits = int(low / width), 0, 0
-        while q and (start << bits) + k < 1 << 56:
-            bits += 1
-            k = 2 * k + (sign_at(q, 2 * k + 1, bits) * q[0] > 0)
-        found.append(float(low + width * Fraction(k + bool(q), 1 << bits)))
+    if not count_positive(a):
+        return []
+    chain = sturm(a)
+    # Cauchy's bound, rounded up to a power of two so that every bisection point is dyadic.
+    bound = 1 + max(abs(Fraction(c, chain[0][-1])) for c in chain[0])
+    top = Fraction(2 ** math.ceil(bound).bit_length())
+    found, todo = [], [(Fraction(0), top, changes(chain, Fraction(0)), changes(chain, top))]
+    while todo:
+        low, high, at_low, at_high = todo.pop()
+        if at_low - at_high == 1:
+            found.append(_refine(chain[0], low, high))
+        elif at_low > at_high:
+            mid = (low + high) / 2
+            at_mid = changes(chain, mid)
+            todo += [(mid, high, at_mid, at_high), (low, mid, at_low, at_mid)]
     return found
 
 
-def largest_ratio(N: Poly, D: Poly) -> tuple[Fraction, float]:
-    """The largest N(x)/D(x) on [0, inf), and x."""
-    # at x = 0, as x grows, or where N'D - N D' changes its sign
-    slope = add(mul(derivative(N), D), scale(mul(N, derivative(D)), -1))
-    places = [0.0, *(positive_roots(odd_roots(slope)) if slope else ())]
-    found = [(Fraction(at(N, Fraction(x))) / at(D, Fraction(x)), x) for x in places]
-    found.append((Fraction(N[-1]) / D[-1] if len(N) == len(D) else Fraction(0), math.inf))
-    return max(found, key=lambda one: one[0])
+def _refine(a: tuple[int, ...], low: Fraction, high: Fraction) -> float:
+    """The only root in (low, high]; low itself may be a root of another interval."""
+    above = sign_at(a, high)
+    while above and high - low > high / 2**56:
+        mid = (low + high) / 2
+        sign = sign_at(a, mid)
+        if sign in (0, above):
+            high, above = mid, sign
+        else:
+            low = mid
+    return float(high)
 
 
 def nonnegative(a: Poly) -> bool:
+    """Whether a(x) >= 0 on [0, inf)."""
     if all(c >= 0 for c in a):
         return True
-    return a[-1] > 0 and a[0] >= 0 and not any(isolated(odd_roots(a)))
+    return a[-1] > 0 and a[0] >= 0 and not count_positive(odd_roots(a))
 
 
 def positive(a: Poly) -> bool:
-    return bool(a) and a[0] > 0 and a[-1] > 0 and not any(isolated(distinct_roots(a)))
+    """Whether a(x) > 0 on [0, inf)."""
+    return bool(a) and a[0] > 0 and a[-1] > 0 and not count_positive(distinct_roots(a))
 
 
 def hurwitz(a: Poly) -> bool:
@@ -249,6 +266,7 @@ class Quasi:
 
     @classmethod
     def of(cls, terms: Iterable[Term]) -> Quasi:
+        """The sum of terms, those of one dead time together."""
         merged: dict[Fraction | int, Poly] = {}
         for late, p in terms:
             merged[late] = add(merged[late], p) if late in merged else poly(p)
@@ -271,17 +289,26 @@ class Quasi:
 
     def mirror(self) -> Quasi:
         """q(-s): on the imaginary axis the conjugate of q."""
-        return Quasi.of(
-            (-late, tuple(c * (-1) ** i for i, c in enumerate(p))) for late, p in self.terms
-        )
+        return self.stretched(-1)
 
     def real_product(self, other: Quasi) -> Quasi:
         """Re(q(jw) conj other(jw)) as an even quasi-polynomial; |q(jw)|^2 when other is q."""
+        if self.rational and other.rational:
+            in_x = real_product(self.polynomial, other.polynomial)
+            return Quasi.of([(0, poly(c for k, x in enumerate(in_x) for c in (x * (-1) ** k, 0)))])
         whole = self * other.mirror()
         return (whole + whole.mirror()).scaled(Fraction(1, 2))
 
     def squared(self) -> Quasi:
         return self.real_product(self)
+
+    def stretched(self, unit: Fraction | int) -> Quasi:
+        return Quasi.of(
+            (late * unit, tuple(c * unit**i for i, c in enumerate(p))) for late, p in self.terms
+        )
+
+    def derivative(self) -> Quasi:
+        return Quasi.of((late, add(derivative(p), scale(p, -late))) for late, p in self.terms)
 
     def shifted(self, eps: float | Fraction) -> Quasi:
         """q(s - eps), the exponentials rounded."""
@@ -296,10 +323,6 @@ class Quasi:
     def common(self) -> Poly:
         return reduce(gcd, (p for _, p in self.terms), ())
 
-    def roots(self) -> list[complex]:
-        monic = [[float(Fraction(c) / p[-1]) for c in reversed(p)] for _, p in self.terms]
-        return [complex(root) for p in monic for root in np.roots(p)]
-
     @property
     def rational(self) -> bool:
         return all(not late for late, _ in self.terms)
@@ -311,6 +334,7 @@ class Quasi:
 
     @property
     def degree(self) -> int:
+        """The highest power of s, -1 of zero."""
         return max((len(p) for _, p in self.terms), default=0) - 1
 
     @property

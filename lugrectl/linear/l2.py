@@ -14,9 +14,10 @@ from ..blocks.model import values_of
 from ..core.errors import InputError
 from ..core.views import view
 from .delayed import DelayedTransfer
-from .system import Verdict
-from .systems import StateSystem, system_of
+from .state_system import StateSystem
+from .systems import system_of
 from .transfer import is_measured, number, parameter, to_float
+from .verdict import Verdict
 
 LINEAR = (ct.TransferFunction, ct.StateSpace, DelayedTransfer, tuple, list)
 
@@ -88,9 +89,12 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     Hence e_z is in L2 if e_w is; if w is bounded, so is de_z/dt, and e_z -> 0 (Barbalat). This
     gives no rate, and does not show that e_w is in L2: that depends on K1.
 
-    The norm is isolated exactly; with more than 6 states, several channels or exact dead times
-    (:class:`DelayedTransfer`) it is found in floating point, as the highest peak between
-    frequencies that are dense about every pole and zero and in every turn of a dead time.
+    With exact dead times (:class:`DelayedTransfer`) it is found to 1e-6 relative, and shown to be
+    the largest: 1e-7 above it, gain^2 |d|^2 - |n|^2 has no zero on the axis (intervals with a bound
+    of the second derivative, no grid).
+
+    The norm is isolated exactly; with more than 6 states, or several channels, it is found in
+    floating point by level sets (Bruinsma and Steinbuch 1990), to about 1e-12.
 
     A mode on the imaginary axis that does not show in T, as the position in a loop's speed, leaves
     the gain finite, and the reason names it; one right of the axis makes the gain infinite.
@@ -129,17 +133,30 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
     p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
-    G = [J, number(K2, "K2")], [sigma1, sigma0]
-    found = l2_check(G)
-    gain, w, reason = found.gain, found.frequency, found.reason
-    if found and sigma0 and sigma1:
-        dc, high = (to_float(abs(x / y)) for x, y in zip(G[0][::-1], G[1][::-1], strict=True))
-        reason = f"|G| {'rises' if w else 'falls'} from |K2|/sigma0 = {dc:.6g} at DC to "
-        reason += f"J/sigma1 = {high:.6g}{' as w grows' if w else ''}"
-    elif not found:
-        reason = f"sigma0 = {float(sigma0):g}, sigma1 = {float(sigma1):g}: {reason}"
-        w = w if sigma0 else 0.0  # of an integrator
-    return L2Verdict(gain, w, reason, _meaning(gain, J, sigma0, sigma1)).of(G)
+    gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)
+    verdict = L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
+    return verdict.of(([J, number(K2, "K2")], [sigma1, sigma0]))
+
+
+def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float, float, str]:
+    inf = float("inf")
+    if not s0 and not s1:
+        raise InputError("sigma0 and sigma1 are both 0: G(s) has no denominator; give one.")
+    if not s1 and J:
+        return inf, inf, "sigma1 = 0 makes G(s) improper: |G| grows with J w/sigma0 without bound"
+    if not s0 and K2:
+        return inf, 0.0, "sigma0 = 0 with K2 not 0 makes G(s) an integrator: |G| is unbounded at DC"
+    if s0 * s1 < 0:
+        pole = to_float(-s0 / s1)
+        return inf, float("nan"), f"G(s) is unstable: its pole -sigma0/sigma1 is {pole:+.6g} 1/s"
+    dc, high = abs(K2 / s0) if s0 else None, abs(J / s1) if s1 else None
+    if dc == high or dc is None or high is None:
+        gain = to_float(high if dc is None else dc)  # type: ignore
+        return gain, 0.0, f"|G(jw)| is {gain:.6g} at every frequency"
+    a, b = to_float(dc), to_float(high)
+    if dc > high:
+        return a, 0.0, f"|G| falls from |K2|/sigma0 = {a:.6g} at DC to J/sigma1 = {b:.6g}"
+    return b, inf, f"|G| rises from |K2|/sigma0 = {a:.6g} at DC to J/sigma1 = {b:.6g} as w grows"
 
 
 def _meaning(gain: float, J: Fraction, s0: Fraction, s1: Fraction) -> str:

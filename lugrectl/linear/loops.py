@@ -5,29 +5,29 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import wraps
-from typing import Any
+from typing import Any, ParamSpec
 
 import control as ct
 
 from ..blocks.model import values_of
 from ..core.errors import InputError
-from .delayed import reduced
+from .delayed import DelayedTransfer, reduced
 from .exact import Poly, Quasi, add, divide, gcd, mul, poly, scale
 from .transfer import not_negative, number, parameter, read_transfer, to_float
 
 Ratio = tuple[Poly, Poly]
+Taken = ParamSpec("Taken")
 
 
 @dataclass(frozen=True)
-class Loop:
-    """The inertia J s^order and C(s) = Kp + Kd s/(Td s + 1) + I(s) + X(s), every number exact.
+class Controller:
+    """C(s) = Kp + Kd s/(Td s + 1) + I(s) + X(s), every number exact.
 
     I(s) is Ki/(tau s + 1) if tau > 0, Ki/(s + leak) if leak > 0, else Ki/s. Td is
-    ``derivative_filter``; X is ``added``, any further term of C in lowest terms. ``order`` is 1 of
-    a velocity loop, 2 of a position loop.
+    ``derivative_filter``; X is ``added``, any further term of C in lowest terms.
     """
 
     kp: Fraction
@@ -37,14 +37,6 @@ class Loop:
     derivative_filter: Fraction
     leak: Fraction
     added: Ratio = ((), (1,))
-    order: int = 1
-    J: Fraction = Fraction(0)
-    sigma0: Fraction = Fraction(0)
-    sigma1: Fraction = Fraction(0)
-
-    def of(self, p: Any, order: int, *names: str) -> Loop:
-        """The loop of a drive, of which it needs J and these."""
-        return replace(self, order=order, **{k: parameter(p, k) for k in ("J", *names)})
 
     @property
     def integral(self) -> Ratio:
@@ -74,20 +66,28 @@ class Loop:
     def pure_integral(self) -> bool:
         return bool(self.ki) and not self.tau and not self.leak
 
-    def parts(self) -> Ratio:
+    def parts(self, J: Fraction, order: int) -> Ratio:
         """J s^order and C(s), each times the denominators in C."""
         (error_num, error_den), (rate_num, rate_den) = self.on_error, self.derivative
-        inertia = mul(poly([0] * self.order + [self.J]), mul(error_den, rate_den))
+        inertia = mul(poly([0] * order + [J]), mul(error_den, rate_den))
         return inertia, add(mul(error_num, rate_den), mul(rate_num, error_den))
 
-    @property
-    def bristles(self) -> Poly:
-        """sigma1 s + sigma0, times the denominators in C."""
-        return mul(poly([self.sigma0, self.sigma1]), mul(self.on_error[1], self.derivative[1]))
+
+@dataclass(frozen=True)
+class Loop:
+    """The parts of a T(s): J, sigma0, sigma1, C, and order (1: velocity, 2: position)."""
+
+    J: Fraction
+    sigma0: Fraction
+    sigma1: Fraction
+    order: int
+    controller: Controller
 
     def T(self) -> Ratio:
         """(sigma1 s + sigma0)/(J s^order + C(s)), exactly."""
-        return self.bristles, add(*self.parts())
+        C = self.controller
+        num = mul(poly([self.sigma0, self.sigma1]), mul(C.on_error[1], C.derivative[1]))
+        return num, add(*C.parts(self.J, self.order))
 
 
 class LoopT(ct.TransferFunction):
@@ -110,7 +110,7 @@ def _gains(
     leak: float | None = None,
     controller: Any = None,
     dead_time: float = 0.0,
-) -> tuple[Any, Loop, Fraction]:
+) -> dict[str, Any]:
     """Read the arguments of a loop: the drive, C(s) and the dead time."""
     gains = (number(kp, "kp"), number(ki, "ki"), number(kd, "kd"))
     lag = not_negative(tau, "tau", "time constant")
@@ -122,24 +122,42 @@ def _gains(
             "Ki/(s + leak); give one of them."
         )
     added = ((), (1,)) if controller is None else read_transfer(controller, "C")
-    C = Loop(*gains, lag, smoothing, rate, added)
-    return values_of(p), C, not_negative(dead_time, "dead_time")
+    C = Controller(*gains, lag, smoothing, rate, added)
+    return {"p": values_of(p), "C": C, "dead_time": not_negative(dead_time, "dead_time")}
 
 
-def _taking(*more: inspect.Parameter) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a loop the arguments of ``_gains``, and more after tau."""
-    every = [*inspect.signature(_gains).parameters.values()]
-    signature = inspect.Signature([*every[:5], *more, *every[5:]], return_annotation="Any")
+def _gains_and_prefilter(
+    p: Any,
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    tau: float | None = None,
+    prefilter: bool | float = False,
+    *,
+    derivative_filter: float | None = None,
+    leak: float | None = None,
+    controller: Any = None,
+    dead_time: float = 0.0,
+) -> dict[str, Any]:
+    """Read the same with a prefilter."""
+    more = {"derivative_filter": derivative_filter, "leak": leak, "controller": controller}
+    read = _gains(p, kp, ki, kd, tau, **more, dead_time=dead_time)
+    return {**read, "prefilter": prefilter}
 
-    def decorate(make: Callable[..., Any]) -> Callable[..., Any]:
+
+def _taking(read: Callable[Taken, dict[str, Any]]) -> Callable[..., Callable[Taken, Any]]:
+    """Give a loop the arguments of ``read``, which reads them."""
+
+    def decorate(make: Callable[..., Any]) -> Callable[Taken, Any]:
+        signature = inspect.signature(read).replace(return_annotation="Any")
+
         @wraps(make)
-        def loop(*args: Any, **kwargs: Any) -> Any:
+        def loop(*args: Taken.args, **kwargs: Taken.kwargs) -> Any:
             try:
-                given = signature.bind(*args, **kwargs).arguments
+                signature.bind(*args, **kwargs)
             except TypeError as error:
                 raise TypeError(f"{make.__name__}() {error}") from None
-            own = {k.name: given.pop(k.name, k.default) for k in more}
-            return make(*_gains(**given), **own)
+            return make(**read(*args, **kwargs))
 
         loop.__signature__ = signature  # type: ignore
         return loop
@@ -147,16 +165,8 @@ def _taking(*more: inspect.Parameter) -> Callable[[Callable[..., Any]], Callable
     return decorate
 
 
-PREFILTER = inspect.Parameter(
-    "prefilter",
-    inspect.Parameter.POSITIONAL_OR_KEYWORD,
-    default=False,
-    annotation="bool | float",
-)
-
-
-@_taking()
-def position_T(p: Any, C: Loop, dead_time: Fraction) -> Any:
+@_taking(_gains)
+def position_T(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """T(s) = (sigma1 s + sigma0)/(J s^2 + C(s)), the SPR condition of the existing observer.
 
     C(s) = Kp + Kd s/(Td s + 1) + I(s) + X(s) acts on the position error (Canudas de Wit et al.,
@@ -212,11 +222,11 @@ def position_T(p: Any, C: Loop, dead_time: Fraction) -> Any:
     >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, ki=30.0, kd=1.2)))
     False
     """
-    return _error_T(C.of(p, 2, "sigma0", "sigma1"), dead_time)
+    return _error_T(p, 2, C, dead_time)
 
 
-@_taking()
-def velocity_T(p: Any, C: Loop, dead_time: Fraction) -> Any:
+@_taking(_gains)
+def velocity_T(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error.
 
     Parameters
@@ -247,11 +257,11 @@ def velocity_T(p: Any, C: Loop, dead_time: Fraction) -> Any:
     >>> [lg.spr_check(lg.velocity_T(p, kp=1.6, ki=ki)).classification for ki in (0.0, 0.16)]
     ['SPR', 'PR']
     """
-    return _error_T(C.of(p, 1, "sigma0", "sigma1"), dead_time)
+    return _error_T(p, 1, C, dead_time)
 
 
-@_taking(PREFILTER)
-def position_loop_tf(p: Any, C: Loop, dead_time: Fraction, prefilter: bool | float) -> Any:
+@_taking(_gains_and_prefilter)
+def position_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool | float) -> Any:
     """Reference to position with friction fully compensated (plant 1/(J s^2)).
 
     theta/r = E(s)/(J s^2 + D(s) + E(s)) with E(s) = Kp + I(s) + X(s), D(s) = Kd s/(Td s + 1)
@@ -294,11 +304,11 @@ def position_loop_tf(p: Any, C: Loop, dead_time: Fraction, prefilter: bool | flo
     >>> bool((lg.position_loop_tf(p, kp=15.0, ki=1.55, kd=0.3).poles().real < 0).all())
     True
     """
-    return _reference_tf(C.of(p, 2), prefilter, dead_time)
+    return _reference_tf(p, 2, C, prefilter, dead_time)
 
 
-@_taking(PREFILTER)
-def velocity_loop_tf(p: Any, C: Loop, dead_time: Fraction, prefilter: bool | float) -> Any:
+@_taking(_gains_and_prefilter)
+def velocity_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool | float) -> Any:
     """Reference to velocity with friction fully compensated (plant 1/(J s)).
 
     w/r = E(s)/(J s + D(s) + E(s)), with the terms of :func:`position_loop_tf`: Kd multiplies the
@@ -331,11 +341,11 @@ def velocity_loop_tf(p: Any, C: Loop, dead_time: Fraction, prefilter: bool | flo
     >>> np.round(np.sort(T.poles().real), 1).tolist()
     [-727.2, -0.1]
     """
-    return _reference_tf(C.of(p, 1), prefilter, dead_time)
+    return _reference_tf(p, 1, C, prefilter, dead_time)
 
 
-@_taking()
-def position_L(p: Any, C: Loop, dead_time: Fraction) -> Any:
+@_taking(_gains)
+def position_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """The open loop L(s) = C(s) exp(-s h)/(J s^2) of a position loop, cut at the torque.
 
     C(s) as in ``position_T``; friction is fully compensated.
@@ -365,11 +375,11 @@ def position_L(p: Any, C: Loop, dead_time: Fraction) -> Any:
     >>> round(1e3 * lg.stability_check(L).delay_margin, 2)
     2.84
     """
-    return _open_loop(C.of(p, 2), dead_time)
+    return _open_loop(p, 2, C, dead_time)
 
 
-@_taking()
-def velocity_L(p: Any, C: Loop, dead_time: Fraction) -> Any:
+@_taking(_gains)
+def velocity_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """The open loop L(s) = C(s) exp(-s h)/(J s) of a velocity loop, cut at the torque.
 
     C(s) as in ``velocity_T``; friction is fully compensated.
@@ -399,40 +409,41 @@ def velocity_L(p: Any, C: Loop, dead_time: Fraction) -> Any:
     >>> bool(lg.stability_check(L))
     False
     """
-    return _open_loop(C.of(p, 1), dead_time)
+    return _open_loop(p, 1, C, dead_time)
 
 
-def _error_T(loop: Loop, delay: Fraction) -> Any:
+def _error_T(p: Any, order: int, C: Controller, delay: Fraction) -> Any:
+    J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
+    loop = Loop(J, sigma0, sigma1, order, C)
     if delay:
-        return _late((0, loop.bristles), *loop.parts(), delay)
+        inertia, torque = C.parts(J, order)
+        return reduced(Quasi.of([(0, loop.T()[0])]), Quasi.of([(0, inertia), (delay, torque)]))
     T = LoopT(*rounded(*loop.T()))
     T.loop = loop
     return T
 
 
-def _reference_tf(C: Loop, prefilter: bool | float, delay: Fraction) -> Any:
+def _reference_tf(
+    p: Any, order: int, C: Controller, prefilter: bool | float, delay: Fraction
+) -> ct.TransferFunction | DelayedTransfer:
     num, filtered = mul(C.on_error[0], C.derivative[1]), (1,)
     if prefilter is not False and prefilter is not None:
         pole = number(2 if prefilter is True else prefilter, "prefilter")
         if pole <= 0:
             raise InputError(f"prefilter is {float(pole):g} 1/s, but its pole must be above 0.")
         num, filtered = mul(num, (pole,)), (pole, 1)
-    inertia, torque = (mul(part, filtered) for part in C.parts())
+    inertia, torque = (mul(part, filtered) for part in C.parts(parameter(p, "J"), order))
     if delay:
-        return _late((delay, num), inertia, torque, delay)
-    output = "theta" if C.order == 2 else "w"
+        return reduced(Quasi.of([(delay, num)]), Quasi.of([(0, inertia), (delay, torque)]))
+    output = "theta" if order == 2 else "w"
     return ct.TransferFunction(*rounded(num, add(inertia, torque)), inputs="r", outputs=output)
 
 
-def _open_loop(C: Loop, delay: Fraction) -> Any:
-    inertia, torque = C.parts()
+def _open_loop(p: Any, order: int, C: Controller, delay: Fraction) -> Any:
+    inertia, torque = C.parts(parameter(p, "J"), order)
     if delay:
-        return _late((delay, torque), inertia, (), delay)
+        return reduced(Quasi.of([(delay, torque)]), Quasi.of([(0, inertia)]))
     return ct.TransferFunction(*rounded(torque, inertia), inputs="u", outputs="u")
-
-
-def _late(num: Any, inertia: Poly, torque: Poly, delay: Fraction) -> Any:
-    return reduced(Quasi.of([num]), Quasi.of([(0, inertia), (delay, torque)]))
 
 
 def rounded(num: Poly, den: Poly) -> tuple[list[float], list[float]]:

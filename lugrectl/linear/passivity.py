@@ -13,7 +13,7 @@ from ..blocks.friction import level
 from ..blocks.model import as_model
 from ..core.errors import InputError
 from ..core.views import view
-from .system import Verdict
+from .verdict import Verdict
 
 NAMES = ("sigma1", "Fc", "Fs", "Fv", "vs")
 
@@ -115,18 +115,18 @@ def passivity_check(p: Any) -> PassivityVerdict:
     least = sigma1 * (Fs - Fc) / Fc
     margin = Fv - least
     most = Fv * Fc / (Fs - Fc) if Fs > Fc else math.inf
-    reason = f"Fv = {Fv:.6g} against sigma1 (Fs - Fc)/Fc = {least:.6g} N m s/rad"
+    speed = math.inf if margin >= 0 else _speed(source)
+    said = f"Fv = {Fv:.6g} against sigma1 (Fs - Fc)/Fc = {least:.6g} N m s/rad"
     if margin >= 0:
-        speed, reason = math.inf, f"the friction is passive: {reason}"
+        reason = f"the friction is passive: {said}"
         meaning = (
             "closed over a strictly passive drive with its controller the loop is stable by the "
             "passivity theorem, whatever the friction's state"
         )
     else:
-        speed = _speed(source)
         reason = (
-            f"the friction is not passive: {reason}; it would be with Fv of at least {least:.6g} "
-            f"or sigma1 of at most {most:.6g} N m s/rad"
+            f"the friction is not passive: {said}; it would be with Fv of at least {least:.6g} or "
+            f"sigma1 of at most {most:.6g} N m s/rad"
         )
         meaning = (
             "a stability proof that leans on passive friction covers the motion only as long as "
@@ -137,12 +137,19 @@ def passivity_check(p: Any) -> PassivityVerdict:
 
 
 def _values(p: Any) -> tuple[float, ...]:
-    have = as_model(p, "p").values()
+    """sigma1, Fc, Fs, Fv and vs, checked."""
+    model = as_model(p, "p")
+    have = model.values()
+    given = {k: float(v) for k in NAMES if (v := have.get(k)) is not None}
+    missing = [k for k in NAMES if k not in given]
+    if missing:
+        raise InputError(
+            f"passivity_check needs {', '.join(missing)}, which {model.name} does not give; "
+            "give it the parameters of a LuGre model."
+        )
     if have.get("vd") is not None:
         raise InputError("passivity_check is for a constant sigma1, but the model gives vd.")
-    if missing := [k for k in NAMES if have.get(k) is None]:
-        raise InputError(f"passivity_check needs {', '.join(missing)}: give it a LuGre model.")
-    sigma1, Fc, Fs, Fv, vs = found = tuple(float(have[k] or 0.0) for k in NAMES)
+    sigma1, Fc, Fs, Fv, vs = found = tuple(given[k] for k in NAMES)
     if not (sigma1 >= 0 and Fs >= Fc > 0 and Fv >= 0 and vs > 0):
         raise InputError(
             "passivity_check needs sigma1 >= 0, Fs >= Fc > 0, Fv >= 0 and vs > 0; it was given "

@@ -15,9 +15,11 @@ from ..core.errors import InputError
 from ..core.views import view
 from .exact import classify
 from .loops import Loop, LoopT, rounded
-from .system import Realness, Verdict, last, realness
-from .systems import EXACT, StateSystem, system_of
+from .state_system import StateSystem
+from .system import last, realness
+from .systems import EXACT, system_of
 from .transfer import lowest_terms, read_transfer, to_float
+from .verdict import Realness, Verdict
 
 DIGITS = Context(prec=4, rounding=ROUND_FLOOR)
 WORDS = {
@@ -50,59 +52,76 @@ class Repair(Shown):
 
 
 def find_repair(loop: Loop) -> Repair | None:
-    if min(loop.J, loop.sigma0, loop.sigma1) <= 0 or (loop.ki and loop.kp < 0):
+    """The repair of a T that is not SPR, as ``lugrectl.linear.spr_repair`` describes it."""
+    C = loop.controller
+    if min(loop.J, loop.sigma0, loop.sigma1) <= 0 or (C.ki and C.kp < 0):
         return None
     repair = Repair()
-    if loop.order == 2 and loop.kd and loop.derivative_filter:
-        loop = replace(loop, derivative_filter=Fraction(0))
+    if loop.order == 2 and C.kd and C.derivative_filter:
+        loop = _with(loop, derivative_filter=Fraction(0))
         repair = Repair({"derivative_filter": None})
     if _is_spr(loop):
         return repair
-    integral = _with_leak(loop, repair) if loop.ki and not loop.tau else None
+    integral = _with_leak(loop, repair) if C.ki and not C.tau else None
     if integral:
         return integral
-    names = () if loop.pure_integral else ("kd", "kp") if loop.order == 2 else ("kp",)
+    names = () if C.pure_integral else ("kd", "kp") if loop.order == 2 else ("kp",)
     made = (_least(loop, name, repair) for name in names)
     return next(filter(None, made), None)
 
 
 def _with_leak(loop: Loop, repair: Repair) -> Repair | None:
     """The least leak, after the least Kd that the position loop needs without its integral."""
-    if loop.added[0] or (loop.kd and loop.derivative_filter):
+    C = loop.controller
+    if C.added[0] or (C.kd and C.derivative_filter):
         return None  # the leaks that pass need not be an upward interval
-    bare = replace(loop, ki=Fraction(0))
+    bare = _with(loop, ki=Fraction(0))
     if loop.order == 2 and not _is_spr(bare):
-        if not loop.pure_integral or not (first := _least(bare, "kd", repair)):
+        if not C.pure_integral or not (first := _least(bare, "kd", repair)):
             return None
-        loop, repair = replace(loop, kd=Fraction(first.gains["kd"] or 0)), first
+        loop, repair = _with(loop, kd=Fraction(first.gains["kd"] or 0)), first
     return _least(loop, "leak", repair)
 
 
 def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
     """The repair with a further step: the least value of a gain, rounded up to four digits."""
+
+    def passes(value: Fraction) -> bool:
+        return _is_spr(_with(loop, **{name: value}))
+
     most = Fraction(2) ** 256
-    limit = last(lambda value: not _is_spr(replace(loop, **{name: value})), most)
+    limit = last(lambda value: not passes(value), most)
     if limit == most:
         return None
     start = limit or _usual(loop, name)
     value = DIGITS.create_decimal(Decimal(start.numerator) / Decimal(start.denominator))
-    while value <= 2 * start:
-        # of the floats that the user will give
-        made = rounded(*replace(loop, **{name: Fraction(float(value))}).T())
-        if Fraction(value) > limit and classify(*read_transfer(made)) == "SPR":
-            limits = repair.limits | {name: to_float(limit)}
-            return Repair(repair.gains | {name: float(value)}, limits)
+
+    def fails(value: Decimal) -> bool:
+        if Fraction(value) <= limit:
+            return True
+        T = read_transfer(rounded(*_with(loop, **{name: Fraction(float(value))}).T()))
+        return classify(*T) != "SPR"
+
+    while fails(value):
+        if value > 2 * start:
+            return None
         value = value.next_plus(DIGITS)
-    return None
+    gains = repair.gains | {name: float(value)}
+    return Repair(gains, repair.limits | {name: to_float(limit)})
 
 
 def _usual(loop: Loop, name: str) -> Fraction:
     """A sensible value for a gain that only needs to be above 0."""
-    if name == "leak" and loop.kp:
-        return abs(loop.ki / loop.kp) / 10  # still an integral over a decade below its corner
+    C = loop.controller
+    if name == "leak" and C.kp:
+        return abs(C.ki / C.kp) / 10  # still an integral over a decade below its corner
     if name == "kp" and loop.order == 2:
-        return loop.kd**2 / (4 * loop.J) or Fraction(1)  # critical damping
+        return C.kd**2 / (4 * loop.J) or Fraction(1)  # critical damping
     return loop.sigma0 / loop.sigma1 * (loop.J if name == "kp" else Fraction(1, 1000))
+
+
+def _with(loop: Loop, **changes: Any) -> Loop:
+    return replace(loop, controller=replace(loop.controller, **changes))
 
 
 def _is_spr(loop: Loop) -> bool:
@@ -178,16 +197,20 @@ def spr_check(T: Any) -> SprVerdict:
     -----
     The sign of P is decided by Sturm chains and n + d by Routh, both on rational numbers, never
     on a frequency grid. The given coefficients are taken as exact, so an equality such as
-    sigma1 Kd = sigma0 J holds only if it holds for the floats. Give the pair (num, den) as
+    sigma1 Kd = sigma0 J holds only if it holds for the floats; the reason mentions a coefficient
+    of P that is within 1e-12 of zero, relative to its terms. Give the pair (num, den) as
     fractions.Fraction to decide on decimal numbers. T = 0 counts as PR. The verdict is about
     T(s): where a mode that is not stable cancelled from it, the reason says so.
 
-    A state-space model of more than 6 states is decided in floating point. Where the rounding of
-    its matrices may decide, as after a change of coordinates, T counts as PR and the reason says
-    so.
+    A state-space model of more than 6 states is decided in floating point, from the zeros of
+    T(s) + T(-s): time grows with the third power of the order. Where the rounding of its matrices
+    may decide, as after a change of coordinates, T counts as PR and the reason says so.
+    A band edge that rounding blurs by more than 1e-6 is the last frequency before it at which the
+    sign is sure, and the reason gives both sides.
 
     With dead times n and d are sums of p(s) exp(-s h). The sign of Re T(jw) and the number of
-    zeros of d right of the axis are decided in floating point:
+    zeros of d right of the axis are decided in floating point, and none is missed between points
+    of a grid:
 
     - T = G(s) exp(-s h), h > 0, with a rational G that is not 0, is never PR: the phase of G tends
       to a limit while -w h falls without end, so that Re T changes its sign for ever. The reason

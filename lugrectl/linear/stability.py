@@ -1,7 +1,7 @@
 """Stability of a closed loop, and how far it is from -1: gain, phase, modulus and delay margin.
 
-|L| = 1 and Im L = 0 are signs along the axis, and the peak of |1/(1 + L)| is the gain of a system
-(:mod:`system`).
+Nothing is read off a grid: |L| = 1 and Im L = 0 are signs along the axis, and the peak of
+|1/(1 + L)| is the gain of a system (:mod:`system`).
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
 from ..core.errors import InputError
 from ..core.validation import whole
 from ..core.views import view
-from .system import NONE, UNKNOWN, Margin, Verdict
-from .systems import MeasuredSystem, StateSystem, has_many_states, system_of
+from .border import is_sampled
+from .delayed import DelayedTransfer
+from .state_system import StateSystem
+from .systems import ExactSystem, MeasuredSystem, has_many_states
 from .transfer import cleared, is_measured, require_siso, response
+from .verdict import NONE, UNKNOWN, Margin, Verdict
 
 Intervals = tuple[tuple[float, float], ...]
 AXIS = "This is the response of an axis, and no loop: give its product with the controller, C * fr."
@@ -98,7 +99,7 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
 
     With L = n/d, sums of p(s) exp(-s h), the poles of L/(1 + L) are the zeros of n + d. Those
     right of the imaginary axis are counted by the argument of (n + d)(jw), which is the Nyquist
-    criterion: it is followed to infinity by the leading terms. A factor of
+    criterion: it is followed without a grid, and to infinity by the leading terms. A factor of
     -1/L(jw) puts a pole on the axis where L is real and negative; a further dead time of
     (phase margin)/w where |L(jw)| = 1. The least |1 + L(jw)| is 1/max |d/(n + d)|.
 
@@ -180,97 +181,112 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
         raise InputError(
             "open_poles is for a measured response; of any other L the poles are counted."
         )
-    given, said = cleared(L)
     if has_many_states(L):
         require_siso(L, "L")
         return _verdict(StateSystem.of(L)).of(L)
-    return _verdict(system_of(given, "L"), said).of(given)
+    if is_sampled(L):
+        return _verdict(ExactSystem.of(L, "L")).of(L)
+    given, said = cleared(L)
+    of = DelayedTransfer.of(given, "L")
+    return _verdict(ExactSystem(of), said).of(of)
 
 
 def _verdict(L: Any, remark: str = "") -> StabilityVerdict:
-    def value(w: float) -> complex:
-        return complex(L.at(np.array([w]))[0][0])
-
-    closed, mine = L.closed(), L.right
-    crossovers = {w: value(w) for w in L.signs("size", 1).places if w > 0.0}
-    turns = [*((w, value(w).real) for w in L.signs("imag").places), *L.ends()]
-    factors = [Margin(-1.0 / x, w) for w, x in turns if -math.inf < x < 0.0]
-    gains = _stable_gains(L, sorted({m.value for m in factors}))
-    cause = f"it has {closed.trouble}{closed.basis}" if closed.trouble else L.hidden
-    gain = phase = delay = UNKNOWN
-    disks, span = [UNKNOWN] * 3, (math.nan, math.nan)
+    closed, turns, mine = L.closed(), _real_crossings(L), L.right
+    crossovers = [(w, L.at(L.border.place(w))[0]) for w in L.signs("size", 1).places]
+    cause = f"it has {closed.trouble}" if closed.trouble else L.hidden
+    gains = _stable_gains(L, turns)
+    phase = delay = below = above = UNKNOWN
+    disks = [UNKNOWN] * 3
     if cause:
         shown = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in gains)
         reason = f"the closed loop is not stable: {cause}; "
         reason += f"with L times {shown} it is" if gains else "no factor on L makes it stable"
     else:
         phase, delay = _lags(L, crossovers)
-        peaks = (closed.plus(0.5 * (skew - 1)).largest() for skew in (1, -1, 0))  # S, T and S - T
-        disks = [Margin(1.0 / most, w) if most else NONE for most, w in peaks]
-        reason = _reason(delay) + closed.basis
+        factors = [Margin(-1.0 / x, w) for w, x in turns]
+        below = max((m for m in factors if m.value < 1), default=Margin(0.0))
+        above = min((m for m in factors if m.value >= 1), default=NONE)
+        disks = [_disk(closed, skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
+        reason = _reason(delay, mine - closed.right, mine) + closed.basis
         reason += CLOSED * any(w == 0 and abs(x - 1) < L.alike for w, x in L.ends())
-        gain, span, more = _gain(factors, L.beyond_band)
-        reason += more
-    every = {"gain": gain, "phase": phase, "modulus": disks[0], "delay": delay}
-    margins = {f"{kind}_margin": one.value for kind, one in every.items()}
-    places = {f"{kind}_margin_frequency": one.at for kind, one in every.items()}
+        if (end := L.beyond_band).value < above.value:
+            reason += BEYOND.format(end.at, end.value)
+            above = above if math.isfinite(above.value) else end
+    in_dB = below.value and above.value > 1.0 / below.value
+    margins = {"gain": below if in_dB else above, "phase": phase, "modulus": disks[0]}
+    made: dict[str, Any] = {}
+    for kind, margin in {**margins, "delay": delay}.items():
+        made |= {f"{kind}_margin": margin.value, f"{kind}_margin_frequency": margin.at}
+    known = math.isfinite(mine) and math.isfinite(closed.right)
     return StabilityVerdict(
         stable=not cause,
-        crossovers=tuple(crossovers),
-        encirclements=mine - closed.right if math.isfinite(mine - closed.right) else math.nan,
+        crossovers=tuple(w for w, _ in crossovers),
+        encirclements=mine - closed.right if known else math.nan,
         open_poles=mine,
         closed_poles=closed.right,
         reason=reason + remark,
-        gain_range=span,
+        gain_range=(below.value, above.value),
         Ms=1.0 / disks[0].value if disks[0].value else math.inf,
         disk_margins=(disks[0].value, disks[1].value, disks[2].value),
         stable_gains=gains,
-        **margins,
-        **places,
+        **made,
     )
 
 
-def _gain(factors: list[Margin], end: Margin) -> tuple[Margin, tuple[float, float], str]:
-    """The gain margin, nearest to 1 in dB, both of its ends, and what is said of it."""
-    below = max((m for m in factors if m.value < 1), default=Margin(0.0))
-    above, more = min((m for m in factors if m.value >= 1), default=NONE), ""
-    if end.value < above.value:
-        more = BEYOND.format(end.at, end.value)
-        above = above if math.isfinite(above.value) else end
-    in_dB = below.value and above.value > 1.0 / below.value
-    return below if in_dB else above, (below.value, above.value), more
+def _disk(S: Any, skew: int) -> Margin:
+    """1/max |S + (skew - 1)/2|; of skew 1 the least |1 + L|."""
+    most, w = S.plus(0.5 * (skew - 1)).largest()
+    return Margin(1.0 / most, w) if most else NONE
 
 
-def _stable_gains(L: Any, factors: list[float]) -> Intervals:
+def _real_crossings(L: Any) -> list[tuple[float, float]]:
+    """Where L is real and negative, and L there."""
+    places = [(w, L.at(L.border.place(w))[0].real) for w in L.signs("imag").places]
+    return [(w, x) for w, x in [*places, *L.ends()] if -math.inf < x < 0]
+
+
+def _stable_gains(L: Any, turns: list[tuple[float, float]]) -> Intervals:
     """The intervals of a factor on L, above 0, with which the closed loop is stable."""
-
-    def inside(low: float, high: float) -> float:
-        return math.sqrt(low * high) or 0.5 * high if math.isfinite(high) else 2.0 * low or 1.0
-
     # poles reach the axis only at factors that move L to -1: one point of each interval decides
+    factors = sorted({-1.0 / x for _, x in turns})
     most = L.known(factors)
-    pairs = pairwise([0.0, *(x for x in factors if x < most), most])
-    return tuple(pair for pair in pairs if L.closed(inside(*pair)).right == 0)
+    borders = [0.0, *(x for x in factors if x < most), most]
+    return tuple(
+        (low, high) for low, high in pairwise(borders) if L.closed(_between(low, high)).right == 0
+    )
 
 
-def _lags(L: Any, crossovers: dict[float, complex]) -> tuple[Margin, Margin]:
+def _lags(L: Any, crossovers: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
     """Phase margin in deg and delay margin in s, the least of all crossovers."""
     # the lag above 0 and up to 2 pi that turns L(jw) to the negative real axis
-    lags = {w: cmath.phase(-x) % (2 * math.pi) or 2 * math.pi for w, x in crossovers.items()}
-    phase = min((Margin(math.degrees(lag), w) for w, lag in lags.items()), default=NONE)
-    delays = [Margin(lag / w, w) for w, lag in lags.items()]
+    angles = [(cmath.phase(-x) % (2 * math.pi) or 2 * math.pi, w) for w, x in crossovers]
+    phase = min((Margin(math.degrees(angle), w) for angle, w in angles), default=NONE)
+    delays = [Margin(angle / w, w) for angle, w in angles]
     if L.open_at_infinity:  # there one sample turns L(z), and any dead time L(s)
         delays.append(Margin(L.border.dt or 0.0, L.border.frequency(math.inf)))
     return phase, min(delays, default=NONE)
 
 
-def _reason(delay: Margin) -> str:
-    more = (
-        f"; a further dead time of {delay.value:.6g} s puts a pair of poles on the border of "
-        f"stability at the crossover {delay.at:.6g} rad/s"
-    )
+def _reason(delay: Margin, turns: float, open_poles: float) -> str:
+    start = "the closed loop is stable"
+    if open_poles:
+        poles = f"{open_poles:.0f} pole{'s' * (open_poles != 1)}"
+        start += f": L encircles -1 {turns:.0f} times, once for each of its {poles} that are not"
+        start += " stable"
     if math.isinf(delay.value):
-        more = "; |L(jw)| is 1 nowhere, so it is so with any further dead time"
-    elif math.isinf(delay.at):
-        more = ", but |L| is not below 1 as w grows: any further dead time makes it unstable"
-    return f"the closed loop is stable{more}"
+        return f"{start}; |L(jw)| is 1 nowhere, so it is so with any further dead time"
+    if math.isinf(delay.at):
+        return (
+            f"{start}, but |L| is not below 1 as w grows: any further dead time makes it unstable"
+        )
+    return (
+        f"{start}; a further dead time of {delay.value:.6g} s puts a pair of poles on the border "
+        f"of stability at the crossover {delay.at:.6g} rad/s"
+    )
+
+
+def _between(low: float, high: float) -> float:
+    if math.isinf(high):
+        return 2.0 * low or 1.0
+    return math.sqrt(low * high) or 0.5 * high

@@ -13,10 +13,10 @@ from ..blocks.block import unit_for
 from ..core.errors import InputError
 from ..core.numeric import Z95
 from ..core.unit_names import si_unit
+from ..linear.curve import curve
+from ..linear.curve import name as name_of
+from ..linear.curve import size as size_of
 from ..linear.passivity import least_power
-from ..linear.systems import curve
-from ..linear.systems import curve_name as name_of
-from ..linear.systems import curve_size as size_of
 from .canvas import AFTER, BEFORE, LINE, MARK, QUIET, drawn, headed, octaves, on_pyplot, style
 from .wording import readable
 

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 import lugrectl as lg
 from lugrectl.core.errors import InputError
+from lugrectl.linear.axis import signs, zeros
 from lugrectl.linear.exact import Quasi
-from lugrectl.linear.systems import zeros
 
 W = np.array([0.1, 3.0, 40.0, 700.0])
 G = ct.tf([3.0, 1.0], [0.02, 1.0, 0.0])
@@ -184,11 +184,19 @@ def test_a_dead_time_on_the_highest_power_is_stable_below_1_only():
         zeros(Quasi.of([(0, (1, 1)), (1, (0, 0.7)), (1.5, (0, 0.7))]))
 
 
-def test_a_sign_that_never_settles_without_a_change_is_refused():
+def even(*terms):
+    """Half the sum of q(s) and q(-s)."""
+    q = Quasi.of(terms)
+    return q + q.mirror()
+
+
+def test_a_sign_that_never_settles_is_followed_to_its_first_changes():
+    found = signs(even((0.5, (0, 0, 1))))
+    assert not found.complete and found.changes[0] == pytest.approx(math.pi)
     with pytest.raises(InputError, match="undecided"):
-        lg.spr_check(1 + lg.delayed(1.0, 1.0))
+        signs(even((0, (1,)), (1, (1,))))
 
 
 def test_a_response_that_turns_too_often_is_refused():
     with pytest.raises(InputError, match="unit of the dead time"):
-        lg.stability_check(lg.delayed(ct.tf([1e8], [1.0, 0.0]), 1.0))
+        signs(even((0, (1e16, 0, -1)), (1.0, (0, 0, 0.4))))

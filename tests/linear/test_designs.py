@@ -1,4 +1,4 @@
-"""The checks of many designs against those of one."""
+"""The checks of many designs against those of one, and the closed forms they use."""
 
 import math
 from itertools import product
@@ -84,12 +84,12 @@ def test_borders_that_only_rounding_moves():
         assert checks.names[i] == spr_check(position_T(P, kp=15, kd=value)).classification
 
 
-def test_shapes_broadcast():
-    kp, ki = np.linspace(1, 30, 5)[:, None], np.linspace(0, 30, 6)
+def test_shapes_broadcast_over_chunks():
+    kp, ki = np.linspace(1, 30, 150)[:, None], np.linspace(0, 30, 130)
     checks = check_designs(P, kp, ki, K2=22.0)
-    assert checks.bandwidth.shape == (5, 6) and checks.spr[:, 0].all()
+    assert checks.bandwidth.shape == (150, 130) and checks.spr[:, 0].all()
     assert not checks.spr[:, 1:].any() and checks.l2_gain[3, 4] == 22 / 260
-    i, j = 4, 5
+    i, j = 149, 129
     assert checks.bandwidth[i, j] == pytest.approx(
         bandwidth_check(velocity_loop_tf(P, kp[i, 0], ki[j])).bandwidth, rel=1e-12
     )
@@ -106,7 +106,10 @@ def test_shapes_broadcast():
         (P, {"kp": [1, 2], "ki": [1, 2, 3]}, r"kp \(2,\), ki \(3,\)"),
         (P, {"kp": [1, math.nan]}, "kp"),
         (P, {"kp": "many"}, "kp"),
-        (SimpleNamespace(J=0.0, sigma0=1.0, sigma1=1.0), {}, "J and all gains are 0"),
+        (P, {"kd": [0.0, -1.0]}, "J \\+ kd"),
+        (SimpleNamespace(J=0.0, sigma0=1.0, sigma1=1.0), {}, "J is not above 0"),
+        (SimpleNamespace(J=1.0, sigma0=0.0, sigma1=1.0), {}, "sigma0"),
+        (SimpleNamespace(J=1.0, sigma0=1.0, sigma1=-1.0), {}, "sigma1"),
         (SimpleNamespace(J=1.0, sigma0=1.0), {}, "sigma1"),
     ],
 )
