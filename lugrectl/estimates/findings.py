@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..blocks.block import members
+from ..blocks.block import members, unit_for
 from ..blocks.table import tabulated
 from ..core.display import Row, Shown, between, estimated, noticed, with_interval
 from ..core.numeric import Z95, rms
@@ -95,6 +95,14 @@ class Finding(Shown):
 
     def summary(self) -> dict[str, Any]:
         return picked(self, "name parameters alternatives")
+
+    def _title(self) -> str:
+        return f"Finding: {self.name}"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [estimated(k, e) for k, e in self.parameters.items()]
+        others = ", ".join(c.name for c in self.alternatives)
+        return [*rows, Row("alternatives", others)] if others else rows
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -204,6 +212,16 @@ class Table(Result):
     def _title(self) -> str:
         return f"Table: {self.name}"
 
+    def _rows(self) -> Iterable[Row]:
+        ends = between([100.0 * share for share in self.share95])
+        interval = f"({ends} %, {self.windows} windows)"
+        return [
+            Row(self.signals[0], self.points),
+            Row("values", self.values, self.unit),
+            Row("RMS along the record", self.rms, self.unit),
+            Row("share of the residual's power", f"{100.0 * self.share:.0f} %", "", interval),
+        ]
+
     def plot(self, ax: Any = None) -> Any:
         """Draw the table with its 95 % band, into ``ax`` or a new figure; returns the Axes."""
         return view("loop_plots.table")(self, ax)
@@ -236,6 +254,16 @@ class FrictionMap(Result):
     def to_frame(self) -> Any:
         """A DataFrame, a row for each run: w, u, error, held_out."""
         return library("pandas").DataFrame(picked(self, "w u error held_out"))
+
+    def _rows(self) -> Iterable[Row]:
+        torque = unit_for("N m", self.motion)
+        return [
+            Row("runs", len(self.w), "", f"({int(self.held_out.sum())} held out)"),
+            Row("w", self.w, unit_for("rad/s", self.motion)),
+            Row("u", self.u, torque),
+            Row("standard error", self.error, torque),
+            *(estimated(f"swing, order {n}", e) for n, e in self.swing),
+        ]
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the points with their 95 % bars and the models' curves, into ``ax`` or a new figure;
@@ -527,6 +555,12 @@ class BenchTest(Shown):
 
     def summary(self) -> dict[str, Any]:
         return picked(self, "kind text values" + " table" * (self.table is not None))
+
+    def _title(self) -> str:
+        return f"Bench test: {self.kind}"
+
+    def _rows(self) -> Iterable[Row]:
+        return [estimated(k, e) for k, e in self.values.items()]
 
 
 def in_words(values: Mapping[str, Estimate]) -> str:
