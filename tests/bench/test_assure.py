@@ -52,6 +52,7 @@ def test_it_helps_and_says_on_how_many_drives(found):
     assert found.hunts.members == MEMBERS and found.controller["ki"] > 0.0
 
 
+@pytest.mark.slow
 def test_too_few_members_have_no_bound_and_a_report_and_an_executor_say_the_same(fit, tmp_path):
     own = {"loop": "velocity", "members": 4, "observers": "extended_state"}
     few = lg.assure(fit, **own)
@@ -173,6 +174,7 @@ def resting(bristles):
     return lg.assure(bristles, observers=["natural", "extended_state"], **FEW)
 
 
+@pytest.mark.slow
 def test_a_compensation_that_swings_at_rest_is_not_chosen_though_it_tracks_better(resting):
     tried = {(one.observer, one.scale): one for one in resting.tried}
     swings, own = tried["natural", 1.0], tried[resting.observer, resting.scale]
@@ -182,12 +184,14 @@ def test_a_compensation_that_swings_at_rest_is_not_chosen_though_it_tracks_bette
     assert resting.bound < 0.1 * resting.none
 
 
+@pytest.mark.slow
 def test_where_no_choice_rests_one_that_swings_no_farther_is_said_to_be_that(bristles):
     strict = lg.assure(bristles, observers="natural", still=1e-12, **FEW | {"members": 2})
     assert strict.hunts.rests < 1.0
     assert "than without compensation" in strict.messages[-1]
 
 
+@pytest.mark.slow
 def test_an_unstable_loop_is_said_at_once(bristles):
     with pytest.raises(lg.Refused, match="unstable by itself"):
         lg.assure(bristles, kp=1.0, ki=50.0, kd=1e-3)
@@ -195,6 +199,7 @@ def test_an_unstable_loop_is_said_at_once(bristles):
         lg.assure(bristles, loop="velocity", kp=0.3, ki=1.0, dead_time=0.05)
 
 
+@pytest.mark.slow
 def test_few_drives_say_what_they_cannot_show(bristles):
     own = {"observers": "extended_state", "members": 3, "frequency": 2.0}
     (said,) = lg.assure(bristles, **own).messages
@@ -220,6 +225,7 @@ def test_the_interval_is_that_of_clopper_and_pearson():
     assert Chance(7, 7).ci95[1] == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("confidence", [0.8, 0.95])
 def test_a_bound_holds_as_often_as_it_says(confidence):
     x = np.random.default_rng(0).random((4000, enough(1.0 - confidence, 1, 0.05)))

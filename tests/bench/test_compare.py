@@ -18,6 +18,7 @@ def found():
     return lg.compare_observers(P, ["natural", "existing"], scenarios=FAST)
 
 
+@pytest.mark.slow
 def test_at_equal_feedback_the_natural_observer_is_better(found):
     """Its PI has what k adds: kp + sigma1 k, ki + sigma0 k; without that the existing one seems
     better, and its own error is the same."""

@@ -34,6 +34,7 @@ def velocity():
     return lg.compensate(FULL, declared=MODEL)
 
 
+@pytest.mark.slow
 def test_the_augmented_model_tracks_better(velocity):
     assert velocity.after < 0.1 * velocity.before < 0.1 * velocity.none
     assert velocity.compensated == ("gravity", "torque_ripple", "coulomb_asymmetry")
@@ -41,12 +42,14 @@ def test_the_augmented_model_tracks_better(velocity):
     assert velocity.certificate and velocity.certificate.rate > 0.0
 
 
+@pytest.mark.slow
 def test_with_nothing_added_nothing_changes():
     c = lg.compensate(MODEL, declared=lg.table1())
     assert c.before == c.after < 1e-3 * c.none
     assert not c.compensated and not c.left
 
 
+@pytest.mark.slow
 def test_a_delay_is_not_compensated_and_a_loop_that_runs_away_is_said():
     late = MODEL.with_effect("input_delay", {"delay": 0.02})
     c = lg.compensate(late, kp=1.6, ki=0.16)
@@ -125,6 +128,7 @@ def test_what_cannot_be_compensated_makes_no_block():
     assert effects_torque(late.with_effect("elastic_coupling", values)) is None
 
 
+@pytest.mark.slow
 def test_a_table_acts_and_is_compensated():
     x = np.linspace(-2.0, 2.0, 9)
     values = 0.08 * np.cos(2 * x)
@@ -194,6 +198,7 @@ def driven():
     return compensated()
 
 
+@pytest.mark.slow
 def test_the_errors_of_the_exact_model_stay_and_those_of_a_drive_stand_beside(driven):
     assert driven.after < 0.1 * driven.before  # drive and belief are one model
     after, low, high = driven.drive.of("after")

@@ -77,6 +77,7 @@ def test_a_drive_with_a_position_only_takes_observers_of_the_position():
     assert made.controller["kd"] == pytest.approx(P.J * made.drive["bandwidth"])
 
 
+@pytest.mark.slow
 def test_an_observer_of_bristles_is_not_admissible_on_a_drive_without_them():
     drive = {"J": 0.5, "friction": "coulomb", "Fc": 1.0, "Fv": 0.1, "motion": "linear"}
     made = lg.recommend_observer(drive, rate=500, observers=["natural", "disturbance"],
@@ -97,6 +98,7 @@ def test_an_observer_that_makes_the_loop_worse_at_its_rate_is_not_admissible():
     assert repr(made).splitlines()[0] == "Recommended observer: none"
 
 
+@pytest.mark.slow
 def test_a_weak_answer_says_so():
     made = lg.recommend_observer(P, rate=100, observers=["natural", "disturbance"])
     assert made.messages[0].startswith("The sensor is taken as exact")
@@ -104,6 +106,7 @@ def test_a_weak_answer_says_so():
     assert made["natural"].worst > made.none and made["natural"].noise == 0.0
 
 
+@pytest.mark.slow
 def test_gains_without_a_rule_can_be_left_out():
     own = {
         "rate": 500,

@@ -43,6 +43,7 @@ COASTING = Drive(Fs=0.15)
 PER = {"Fc/J": COASTING.Fc / COASTING.J, "Fv/J": COASTING.Fv / COASTING.J}
 
 
+@pytest.mark.slow
 def test_a_coast_gives_friction_with_and_without_inertia():
     logs = [kept(COASTING.run(free, 900, v=v), "theta") for v in (40.0, -25.0)]
     check(only(logs), PER)
@@ -78,6 +79,7 @@ def steps():
     return Drive().run(held(PUSHED, 150), 3000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seen", ["theta", "w", "stale"])
 def test_steps_give_inertia_and_friction(steps, seen):
     made = kept(steps, seen) if seen != "stale" else {**kept(steps), "w": stale(steps)}
@@ -115,6 +117,7 @@ def scan(turns: float, V: float = 1.5) -> dict:
     return kept(drive.run(speed_loop(way, drive.J), len(way)), "theta")
 
 
+@pytest.mark.slow
 def test_a_scan_gives_friction_and_the_harmonics_of_the_turn():
     test = only(scan(1.3))
     assert test.kind == "slow_scan" and not kinds(scan(0.6))  # less than a turn
@@ -173,6 +176,7 @@ def test_in_one_direction_friction_and_a_constant_torque_are_one_number():
 # ---- breakaway: the torque at which the axis runs away, not that of the first count --
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("counts", [4096, 65536])
 def test_static_friction_both_ways(counts):
     drive = Drive(counts=counts)
@@ -192,6 +196,7 @@ def follows(drive: Drive):
     return speed_loop(w, drive.J)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("torque", "rows", "kind"),
     [

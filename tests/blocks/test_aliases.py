@@ -89,6 +89,7 @@ def test_a_block_of_another_kind_is_refused(drag):
         lg.effect(lg.table1)
 
 
+@pytest.mark.slow
 def test_a_law_of_ones_own_is_simulated_with_its_defaults_where_the_model_has_no_values(smooth):
     drive = lg.plant(lg.Model.of(J=0.002, friction=smooth, Fv=0.05))
     assert drive.params["plant.Fc"] == 0.3 and drive.params["plant.Fv"] == 0.05

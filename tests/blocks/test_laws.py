@@ -311,6 +311,7 @@ def test_wrong_elements_are_one_sentence(given, words):
     assert words in str(caught.value) and str(caught.value).count(". ") <= 1
 
 
+@pytest.mark.slow
 def test_a_fit_finds_the_values_of_a_law_with_a_form():
     truth = lg.Model.of(P, delta=1.0)
     t = np.arange(0.0, 5.0, 1e-3)

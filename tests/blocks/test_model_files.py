@@ -160,6 +160,7 @@ def models(draw):
     )
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(model=models())
 def test_any_model_that_is_written_is_read_as_the_same(model, tmp_path_factory):

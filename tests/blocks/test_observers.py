@@ -255,6 +255,7 @@ def placed(p):
     return tuple(lg.design_gains(P, observer="position_lugre", pole=p).gains.values())
 
 
+@pytest.mark.slow
 def test_gains_decide_on_stability_in_sliding():
     """Three poles at -1000 hold at all corners; at -500 the falling friction near vs wins."""
     fast = placed(1000.0)

@@ -63,6 +63,7 @@ def test_a_value_that_is_not_known_exits_3(report, capsys, tmp_path):
     assert code == 3 and not out and "does not determine Fv" in err
 
 
+@pytest.mark.slow
 def test_the_chance_of_hunting_exits_1_where_a_member_hunts(report, capsys):
     line = ("hunt", "--report", report, "--members", "2", "--kp", "2", "--ki", "500", "--json")
     code, out, _ = run(capsys, *line)

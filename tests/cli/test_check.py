@@ -134,6 +134,7 @@ def test_the_suggested_repair_works_when_typed(capsys):
     assert facts(capsys, "spr --kp 15 --ki 1.55 --kd 0.9534 --leak 0.01033")["repair"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "line",
     [

@@ -75,6 +75,7 @@ def test_out_holds_a_folder_per_log_and_an_index(files, job, capsys):
     assert all(f'href="{log}/report.html"' in page for log in ("axis", "run", "run-2"))
 
 
+@pytest.mark.slow
 def test_the_exit_code_is_the_highest_after_all_were_done(files, job, capsys):
     (files / "right" / "empty.csv").write_text("")
     code, out, err = run(capsys, "right left none.csv --each --json")

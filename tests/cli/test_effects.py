@@ -54,6 +54,7 @@ def alone(line, heavy):
     return done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", ["--version", "effects", "effects play --json", "model", ""])
 def test_what_needs_no_record_loads_nothing_heavy(line):
     alone(line, "'control', 'scipy', 'matplotlib', 'numba', 'lugrectl.diagnosis.diagnose', "

@@ -56,6 +56,7 @@ def quick():
     return [(first, answer(first, seconds=16.0)), (second, without)]
 
 
+@pytest.mark.slow
 def test_friction_taken_out_leaves_the_linear_response(quick):
     for name, limit in LIMITS.items():
         raw, taken = pooled(quick, name, 0), pooled(quick, name, 1)
@@ -93,6 +94,7 @@ def test_a_log_in_which_friction_covers_all_is_refused():
     assert "record 30 s of quick moves" in str(no.value) and "multisine" in no.value.experiment
 
 
+@pytest.mark.slow
 def test_friction_that_governs_a_log_is_warned_of():
     found = creeping(0.04, 0.05)
     assert not found.trusted and found.correction > 2

@@ -79,6 +79,7 @@ def test_an_axis_that_never_reverses_keeps_its_response():
     assert any("never reverses" in one for one in found.messages)
 
 
+@pytest.mark.slow
 def test_a_log_that_shows_nothing_is_refused():
     t = 2e-3 * np.arange(8000)
     w = 10 * np.sin(2 * t)  # below the lowest frequency
@@ -133,6 +134,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_command_prints_and_draws(folder, capsys):
     assert main([*BODE, "--out", "bode.png"]) == 0
     said = capsys.readouterr()

@@ -37,7 +37,6 @@ def test_what_it_needs_is_said():
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_a_log_so_recorded_answers_better_than_its_jogs_alone():
     drive = drives.draw(5000)
     plan = lg.response_plan(

@@ -54,6 +54,7 @@ def test_gains_of_a_log_on_the_true_drive(quick, structure):
         assert stable and peak < 1.65 and 0.85 < share < 1.05, (drive.seed, peak, share)
 
 
+@pytest.mark.slow
 def test_a_notch_where_it_pays(quick):
     paid = 0
     for drive, known in quick:
@@ -84,6 +85,7 @@ def test_ten_more_drives():
     assert stable.all() and np.mean(peak <= 2) >= 0.95 and np.quantile(share, 0.2) >= 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure, rate", [("P-PI", None), ("PID", 1000.0), ("PI", 1000.0)])
 def test_a_system_and_a_model(structure, rate):
     model = lg.Model.of(J=0.01, friction="viscous", Fv=0.01)

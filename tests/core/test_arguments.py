@@ -211,6 +211,7 @@ def test_records_are_read_for_the_motion_of_the_model():
         Asked.of({**COLUMNS, "w [rpm]": COLUMNS["theta"]}, linear)
 
 
+@pytest.mark.slow
 def test_a_fleet_takes_tables_and_models_of_every_form(run):
     short = {k: v[:50] for k, v in COLUMNS.items()}
     fleet = lg.diagnose_each([run.with_name("none.csv"), short, dict(short)], {"J": 0.002})

@@ -148,6 +148,7 @@ def test_what_cannot_be_drawn_leaves_no_figure_behind(compensation):
     assert not plt.get_fignums()
 
 
+@pytest.mark.slow
 def test_pages_leave_no_figure_behind_and_the_users_style_stays_his(tmp_path):
     before = dict(plt.rcParams)
     figure = diagnosis().plot()[0].figure.number

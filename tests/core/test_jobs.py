@@ -8,6 +8,8 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
+import pytest
+
 from lugrectl.core.errors import Refused
 from lugrectl.core.jobs import JobError, run_jobs
 
@@ -43,6 +45,7 @@ def test_inline_and_on_threads() -> None:
         check_squares(dict(run_jobs(square, range(8), executor=pool)))
 
 
+@pytest.mark.slow
 def test_on_processes_one_of_which_dies() -> None:
     """The item that kills its worker is an error; its neighbours are not."""
     found = dict(run_jobs(fragile, range(8), jobs=2))

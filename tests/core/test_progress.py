@@ -71,6 +71,7 @@ def test_long_work_takes_every_kind_of_progress():
 # --- notebooks ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_paper_and_a_compensation_report():
     said = []
     reproduce(only=["initial"], progress=lambda part, what: said.append(part))

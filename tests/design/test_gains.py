@@ -175,6 +175,7 @@ def test_the_friction_state_has_at_least_the_known_decay(rate, claimed):
     assert design.certificate.pole_at_rest == -rate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("most", "claimed"), [(0.1, 445.0), (1.0, 338.0)])
 def test_the_position_observer_has_the_known_gains_and_decay(most, claimed):
     design = lg.design_gains(P, observer="position_lugre", pole=1000.0, M=most)
@@ -183,6 +184,7 @@ def test_the_position_observer_has_the_known_gains_and_decay(most, claimed):
     assert design.certificate.rate == pytest.approx(claimed, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_common_function_decays_at_every_corner():
     _, corners = position_corners(P, 1000.0, 0.5)
     rate, V = common_rate(corners)

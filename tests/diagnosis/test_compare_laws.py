@@ -23,6 +23,7 @@ def compared(plain_drive):
     return lg.compare_laws(plain_drive, {}, LAWS)
 
 
+@pytest.mark.slow
 def test_the_simplest_law_that_predicts_as_well_is_chosen(compared):
     assert compared.chosen == "coulomb"
     assert compared["viscous"].elpd < -100.0 and compared["viscous"].se > 1.0

@@ -51,7 +51,6 @@ def shifted(x, k):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_the_torque_of_another_run_explains_nothing(plain, model):
     found = diagnose(replace(plain, u=plain.u[::-1].copy()), model)
     assert found.verdict == "unexplained"
@@ -61,6 +60,7 @@ def test_the_torque_of_another_run_explains_nothing(plain, model):
     assert found.verdict in ("refused", "unexplained") and not found.effects
 
 
+@pytest.mark.slow
 def test_an_early_torque_is_a_delay(plain, model):
     found = diagnose(replace(plain, u=shifted(plain.u, -8)), model)
     assert [e.name for e in found.effects] == ["input_delay"]
@@ -80,6 +80,7 @@ def test_a_copy_of_another_column_is_no_torque(plain, model, of, share):
     assert "contradicts the declared inertia" in said
 
 
+@pytest.mark.slow
 def test_a_motion_of_a_few_steps_is_too_short(model):
     longer = record_of(drawn(16.0))
     q = float(np.ptp(longer.theta)) / 6

@@ -42,6 +42,7 @@ def swung():
     return lg.diagnose(log(ARM), TRUE)
 
 
+@pytest.mark.slow
 def test_the_error_of_the_right_model_is_the_noise(plain):
     assert plain.verdict == "adequate"
     for found in (plain.error, plain.free_error):
@@ -51,6 +52,7 @@ def test_the_error_of_the_right_model_is_the_noise(plain):
     assert plain.residuals.white and plain.residuals.independent
 
 
+@pytest.mark.slow
 def test_a_missing_effect_is_an_error(swung):
     assert [e.name for e in swung.effects] == ["gravity"]
     for found in (swung.error, swung.free_error, swung.torque_error):
@@ -77,6 +79,7 @@ def test_held_out_blocks_are_long(plain):
     assert len(lengths) > 1 and np.all(lengths >= 2.0 * 1000)
 
 
+@pytest.mark.slow
 def test_the_last_half_is_held_out(record):
     found = lg.diagnose(record, TRUE, holdout="last")
     assert found.free_error["in_sample"] is False
@@ -114,6 +117,7 @@ def test_a_position_in_coarse_counts():
     assert found.error["augmented"] < 1.1 * count / 12**0.5
 
 
+@pytest.mark.slow
 def test_the_bristles_of_the_drive_are_found():
     wrong = {"sigma0": 800.0, "sigma1": 0.2, "Fs": 0.4, "vs": 0.03, "J": 0.00221, "Fc": 0.287}
     found = lg.identify(log(seconds=30.0), TRUE.with_values(wrong))
@@ -123,6 +127,7 @@ def test_the_bristles_of_the_drive_are_found():
     assert np.ptp(found.estimates["sigma0"].ci95) < 0.04 * 260.0
 
 
+@pytest.mark.slow
 def test_runs_are_of_one_kind(record):
     linear = replace(log(seed=1, seconds=4.0), motion="linear", log=None)
     with pytest.raises(lg.InputError, match="one drive"):

@@ -8,7 +8,14 @@ import lugrectl as lg
 from ..cases.small_answers import STEP
 
 DT, FINE = 2e-3, 20
+ALWAYS, QUICK = ("coulomb", "lugre"), ("viscous", "stribeck", "dahl", "maxwell_slip", "bouc_wen")
 SAMPLED = (pytest.mark.slow, pytest.mark.sample)
+
+
+def marks(law):
+    return () if law in ALWAYS else SAMPLED if law in QUICK else pytest.mark.slow
+
+
 KNOWN = {
     "J": 0.002, "Fc": 0.12, "Fs": 0.16, "Fv": 0.02, "vs": 0.1, "sigma0": 60.0, "sigma1": 0.1,
 }  # fmt: skip
@@ -29,13 +36,7 @@ def log(model):
     return {"t": t, "u": u, "theta": STEP * np.round(theta / STEP)}
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        law if law in ("coulomb", "lugre") else pytest.param(law, marks=SAMPLED)
-        for law in lg.laws().names
-    ],
-)
+@pytest.mark.parametrize("law", [pytest.param(n, marks=marks(n)) for n in lg.laws().names])
 def test_its_values_lie_in_their_intervals(law):
     model = drive(law)
     found, right = lg.identify(log(model), lg.Model.of(friction=law)), model.known()
@@ -62,12 +63,14 @@ def dry():
     return {"t": t, "u": u, "theta": np.cumsum(w) * DT}
 
 
+@pytest.mark.slow
 def test_a_law_without_coulomb_friction_is_not_adequate_where_there_is_some(dry):
     found = lg.diagnose(dry, lg.Model.of(friction="viscous"))
     assert found.verdict == "unexplained" and found.depends_on == ("w",)
     assert "'viscous' does not fit this log" in found.messages[0]
 
 
+@pytest.mark.slow
 def test_an_own_law_without_viscous_friction_is_fitted_and_what_it_lacks_is_said(dry):
     @lg.block("friction", out="F")
     def smooth(w, Fc=lg.P(0.1, "N m", 0)):

@@ -261,6 +261,7 @@ def test_the_balance_alone_and_the_bench_tests():
     assert len(test["table"]["columns"]) == len(test["table"]["rows"][0])
 
 
+@pytest.mark.slow
 def test_an_answer_shows_itself_in_a_notebook():
     page = answer("refused")._repr_html_()
     assert "<h1>" in page and "<svg" in page
@@ -282,6 +283,7 @@ def test_results_are_tables():
         assert isinstance(one.to_frame(), pandas.DataFrame) and len(one.to_frame())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["refused", "identified map"])
 def test_three_files_are_written(name, tmp_path):
     d = answer(name)
@@ -294,10 +296,12 @@ def test_three_files_are_written(name, tmp_path):
         assert again.known() == pytest.approx(d.model.known())
 
 
+@pytest.mark.slow
 def test_the_model_that_is_found_is_adequate():
     assert lg.diagnose(log(load=ripple), answer("found").model).verdict == "adequate"
 
 
+@pytest.mark.slow
 def test_options():
     """Half held out, a horizon, what matters at least, and progress."""
     seen = []

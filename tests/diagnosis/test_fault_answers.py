@@ -31,6 +31,7 @@ def driven(u, noise=0.0, **start):
 # ---- what channels have that is none of the drive
 
 
+@pytest.mark.slow
 def test_a_speed_alone_that_is_off_at_rest():
     above = -0.3
     log = columns("w", seconds=9.0)
@@ -51,6 +52,7 @@ def coasts(*speeds):
     return [driven(np.zeros(1500), noise=0.05, w0=w) for w in speeds]
 
 
+@pytest.mark.slow
 def test_coasting_with_a_declared_inertia():
     model = lg.Model.of(J=J, friction="coulomb")
     fit = lg.identify(coasts(60.0, 40.0, -50.0), model)
@@ -78,6 +80,7 @@ def test_as_long_as_is_advised_is_enough():
 # ---- effects of one's own
 
 
+@pytest.mark.slow
 def test_the_memory_of_an_own_effect_may_be_short():
     @lg.block("effect", out="d", acts="torque", states="c")
     def creeping_hose(w, c, k=lg.P(0.0, "N m/rad", 0, neutral=0.0), tau=lg.P(0.5, "s", 1e-2)):

@@ -208,7 +208,6 @@ def test_folders_say_which_log():
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_processes_give_what_one_gives_and_read_themselves(logs):
     """Logs too short to be diagnosed, so that it is quick."""
     for name in ("axis1", "axis2", "axis10"):

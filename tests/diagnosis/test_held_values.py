@@ -125,6 +125,7 @@ def test_a_file_with_an_impossible_value_is_named_with_the_key(tmp_path, capsys)
     assert f"{path}: [friction] vs = 0 must be above 0" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_held_values_are_not_fitted_and_are_reported_without_interval(log):
     found = fitted(log, J=held(2.2e-3), Fv=0.02)
     assert found.model.values()["J"] == 2.2e-3 and found.estimates["J"].held
@@ -137,6 +138,7 @@ def test_held_values_are_not_fitted_and_are_reported_without_interval(log):
     assert len(said) == 1 and "J is held at 0.0022, but would be 0.00" in said[0]
 
 
+@pytest.mark.slow
 def test_everything_may_be_held(log):
     found = fitted(log, **{k: held(v) for k, v in TRUE.items()})
     assert {k: found.model.values()[k] for k in TRUE} == TRUE
@@ -144,6 +146,7 @@ def test_everything_may_be_held(log):
     assert not any("held" in m for m in found.messages)
 
 
+@pytest.mark.slow
 def test_bounds_bound_and_a_value_at_its_bound_is_said(log):
     found = fitted(log, J={"value": 2.3e-3, "min": 2.1e-3}, Fv={"min": 0.01, "max": 0.05})
     assert found.model.values()["J"] == pytest.approx(2.1e-3, rel=1e-6)
@@ -172,6 +175,7 @@ def runs_at_steady_speed():
     return made
 
 
+@pytest.mark.slow
 def test_a_map_of_runs_at_steady_speed_honours_them_too():
     model = lg.Model.of(friction="coulomb", Fc=held(0.21), Fv={"value": 0.03, "min": 0.022})
     found = lg.identify(runs_at_steady_speed(), model)

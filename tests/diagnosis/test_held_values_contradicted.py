@@ -59,6 +59,7 @@ def test_values_near_those_of_the_log_are_not(log, declared):
     assert balance(log, declared).against == ()
 
 
+@pytest.mark.slow
 def test_a_declared_inertia_far_too_large_is_said_with_the_value_of_the_log(log):
     found = diagnose(log, Model.of(J=1e4 * J))
     assert found.model.J == pytest.approx(J, rel=0.02)

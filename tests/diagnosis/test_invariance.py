@@ -18,6 +18,7 @@ CHANGED = {  # factors of torque and of length, and whether an effect is hidden
 }
 
 
+@pytest.mark.slow
 @pytest.mark.cases
 @pytest.mark.parametrize("what", CHANGED)
 def test_direction_origin_and_size_change_nothing(what):

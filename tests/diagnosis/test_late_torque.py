@@ -28,7 +28,6 @@ def log():
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_a_lag_of_the_torque_is_told_from_one_of_the_speed():
     """Friction near rest is not late: the finer fit shows which of the two it is."""
     found = lg.diagnose(log(), EMPTY)

@@ -29,7 +29,6 @@ def causes(found):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.cases
 @pytest.mark.parametrize("half", [0.026, 0.0])
 def test_a_dead_zone_which_looks_like_more_inertia_and_a_late_torque(half):
@@ -130,6 +129,7 @@ def judged(more, counts=20_000, **channels):
     return lg.diagnose(log, STRIBECK)
 
 
+@pytest.mark.slow
 def test_an_offset_that_matters_is_named_beside_its_own_small_part_in_the_base():
     found = judged(0.05 * FC)
     assert "constant_torque" in causes(found) <= {"constant_torque", "coulomb_asymmetry"}
@@ -137,6 +137,7 @@ def test_an_offset_that_matters_is_named_beside_its_own_small_part_in_the_base()
     assert shares[found.effects[0].name] == pytest.approx(0.05, rel=0.4)
 
 
+@pytest.mark.slow
 @pytest.mark.cases
 @pytest.mark.parametrize("counts", [500, 20_000])
 def test_an_inertia_far_above_the_declared_one_is_said(counts):
@@ -150,5 +151,6 @@ def test_an_inertia_far_above_the_declared_one_is_said(counts):
         assert found.model.J == pytest.approx(1.6 * J, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_torque_at_one_instant_decides_nothing():
     assert judged(1.5 * FC * np.exp(-(((T - 7.3) / 0.05) ** 2))).verdict == "adequate"

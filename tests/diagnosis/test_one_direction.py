@@ -30,6 +30,7 @@ def identified():
     return identify(log(), declared(Fc=FC))
 
 
+@pytest.mark.slow
 def test_a_sum_is_not_printed_as_if_it_were_the_value(identified):
     Fc = identified.estimates["Fc"]
     assert Fc.ci95 is None and Fc.together == SUM and Fc.value == pytest.approx(FC + LOAD, rel=0.02)
@@ -55,6 +56,7 @@ def test_the_other_direction_is_what_to_record_next(model):
     assert "Record the other direction, too" in found.experiment
 
 
+@pytest.mark.slow
 def test_runs_that_turn_back_are_not_sums():
     t = np.arange(0.0, 4.0, DT)
     u = 0.5 * np.sin(2.0 * np.pi * 0.8 * t)
@@ -64,6 +66,7 @@ def test_runs_that_turn_back_are_not_sums():
     assert "Fc" in found.parameters and not found.combinations
 
 
+@pytest.mark.slow
 def test_runs_in_one_direction_each_show_both_together():
     forward = log(4.0)
     u = -forward["u"]

@@ -50,12 +50,15 @@ def log(model):
 
 
 ALWAYS = ("load_dependent_friction", "hard_stop", "thermal_drift", "input_delay")
+LONG = ("position_dependent_friction", "constant_torque", "coulomb_asymmetry", "torque_ripple")
 SAMPLED = (pytest.mark.slow, pytest.mark.sample)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in ALWAYS else SAMPLED) for name in TRUE]
-)
+def marks(name):
+    return () if name in ALWAYS else pytest.mark.slow if name in LONG else SAMPLED
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=marks(name)) for name in TRUE])
 def test_its_values_are_found(name):
     names = ["gravity", name] if name == "load_dependent_friction" else [name]
     known = [{"name": n, **TRUE[n]} for n in names]

@@ -29,6 +29,7 @@ def detent_of(**more):
     lg.block("effect", out="d", acts="torque", confused="torque_ripple")(detent)
 
 
+@pytest.mark.slow
 @pytest.mark.cases
 @pytest.mark.parametrize(
     "more", [{"span": (0.0, PI / 2), "angle": True}, {}], ids=["span", "plain"]
@@ -43,6 +44,7 @@ def test_an_own_effect_is_found_whether_or_not_its_span_is_true(more):
     assert values["phase"] == pytest.approx(0.8, abs=0.1)
 
 
+@pytest.mark.slow
 def test_effects_that_the_comparison_cannot_search_do_no_harm():
     @lg.block("effect", out="u", acts="input", states="x")
     def own_lag(u, x, T=lg.P(0.0, "s", 0.0, neutral=0.0)):
@@ -64,6 +66,7 @@ def test_effects_that_the_comparison_cannot_search_do_no_harm():
     assert lg.diagnose([recorded(5.0)], model).verdict in ("adequate", "refused")
 
 
+@pytest.mark.slow
 def test_a_law_with_a_parameter_that_the_file_leaves_out_is_fitted():
     @lg.block("friction", out="F")
     def free_stribeck(
@@ -111,6 +114,7 @@ def test_a_state_of_an_own_law_is_no_bristle_for_its_name():
     assert found.model.values() == pytest.approx(true, rel=0.05)
 
 
+@pytest.mark.slow
 def test_an_own_effect_that_cannot_be_compared_is_said():
     def brake(w, torque=GAIN):
         """d = torque above 5 rad/s, written with a branch."""

@@ -19,6 +19,7 @@ def said(log=LOG, **values) -> str:
     return " ".join(m for m in found.messages if "declared" in m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.5, 0.7, 1.03])
 def test_a_value_left_beyond_its_interval_is_said_with_both_values(factor):
     sentence = said(J=J / factor)
@@ -26,23 +27,27 @@ def test_a_value_left_beyond_its_interval_is_said_with_both_values(factor):
     assert "Fc is" not in sentence
 
 
+@pytest.mark.slow
 def test_what_the_interval_contains_or_the_model_holds_is_not_said():
     assert said(J=1.0001 * J, Fc=1.0001 * FC) == ""
     assert "beyond their" not in said(J={"value": 1.03 * J, "fixed": True})
 
 
+@pytest.mark.slow
 def test_an_angle_that_is_a_full_turn_away_is_the_same():
     heavy = small_answers.log(load=lambda theta, w: 0.2 * np.sin(theta - np.pi + 1e-3))
     gravity = {"name": "gravity", "amplitude": 0.2, "phase": np.pi - 1e-3}
     assert "gravity.phase" not in said(heavy, effects=gravity)
 
 
+@pytest.mark.slow
 def test_a_common_factor_is_the_torques_scale():
     told = said(J=J / 1.4, Fc=FC / 1.4, Fv=FV / 1.4)
     assert "factor 1.4" in told and "scale of u is wrong" in told
     assert "scale of u is wrong" not in said(J=J / 1.4, Fc=FC / 1.4, Fv=FV / 0.7)
 
 
+@pytest.mark.slow
 def test_a_note_on_moved_values_says_the_values_of_the_table():
     """Where torques come at odd instants, the table has the values of the robust balance."""
     dt = 2e-3

@@ -61,6 +61,7 @@ def test_the_fit_stops_itself_and_what_was_compared_stands():
     assert low <= FC <= high
 
 
+@pytest.mark.slow
 def test_the_log_is_drawn(one_way, capsys):
     assert main(["plot", "run.csv", "--out", "log.pdf"]) == 0
     said = capsys.readouterr()

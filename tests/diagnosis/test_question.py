@@ -33,6 +33,7 @@ def test_identify_reads_a_table_as_read_record_does():
     assert found.model.J == pytest.approx(other.model.J, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_diagnose_reads_runs_and_what_is_held_out_alike():
     found = lg.diagnose([table()], coulomb(), holdout=table(offset=1.0), **READING)
     assert found.verdict == "adequate"

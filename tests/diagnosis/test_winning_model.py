@@ -51,6 +51,7 @@ def noisy():
     return lg.diagnose(drive(0.25, 0.25, noise=0.01, seed=1), model())
 
 
+@pytest.mark.slow
 def test_estimates_and_model_have_the_same_values(noisy):
     for key in ("J", "Fc", "Fv"):
         assert noisy.estimates[key].value == noisy.model.values()[key]

@@ -47,6 +47,7 @@ def test_torque_and_angle_exchanged_are_said_to_be():
     assert not any("u has the wrong sign" in m for m in found.messages)
 
 
+@pytest.mark.slow
 def test_torque_and_speed_exchanged_are_said_to_be_before_all_else():
     found = lg.balance(exchanged(u="w", w="u"), MODEL)
     assert found.said[0].startswith(SWAPPED.format("w"))
@@ -80,6 +81,7 @@ def test_runs_of_one_drive_agree(runs):
     assert not found.unlike and not found.notes
 
 
+@pytest.mark.slow
 def test_an_offset_of_the_torque_of_one_run_is_no_missing_effect(runs):
     found = lg.diagnose([runs[0], runs[1] | {"u": runs[1]["u"] + 0.02}], MODEL)
     assert found.verdict == "adequate"
@@ -106,6 +108,7 @@ def test_of_two_runs_the_impossible_one_is_named(runs, written):
     assert sentence.startswith("one.csv: ") and "sign of two.csv" in sentence
 
 
+@pytest.mark.slow
 @pytest.mark.cases
 @pytest.mark.parametrize("unit, size", [("theta=deg", 180 / np.pi), ("w=rpm", 30 / np.pi)])
 def test_an_angle_or_speed_in_another_unit_than_the_declared_values_is_said(unit, size):

@@ -151,6 +151,7 @@ EVERY = [*CATALOGUE, *STRANGERS]
 SHORT: dict = {"duration": 5.0, "rate": 500.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in EVERY if find(n).declared == "lugre"])
 def test_neutral_at_nothing_and_alive_at_its_size(name):
     """The same record without the effect, and with the effect at size nothing."""

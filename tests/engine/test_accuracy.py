@@ -53,6 +53,7 @@ def _textbook(t: np.ndarray, corners: list[tuple[float, float]]) -> np.ndarray:
     return np.column_stack([*pieces, now])
 
 
+@pytest.mark.slow
 def test_textbook_lugre_to_100_rad_s_needs_no_tuning() -> None:
     """sigma0 |w| / h = 1e7 1/s at full speed, through zero speed and back."""
     t = np.linspace(0, 2, 2001)

@@ -166,6 +166,7 @@ def test_lanes_are_what_simulate_returns(law):
     assert error[0] < 1e-4 and error[1] < 5e-4  # simulate creeps at up to 1e-4 rad/s where it rests
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["coulomb", "stribeck"])
 def test_one_lane_many_lanes_and_numpy_stop_at_the_same_places(law):
     t, u, motion = exact(law, "pulses", 500)

@@ -39,6 +39,7 @@ def run(system):
     return lanes.run(x0, np.zeros(1, int), len(t), u, lanes.defaults[None], dt=DT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", WRITTEN)
 def test_a_comparison_with_zero_is_a_direction(how):
     system = drive(WRITTEN[how])

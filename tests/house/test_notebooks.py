@@ -11,7 +11,7 @@ nbclient = pytest.importorskip("nbclient")
 nbformat = pytest.importorskip("nbformat")
 README = Path(__file__).parents[2] / "README.md"
 PAGES = ["benchmark", "commissioning", "method", "observers", "paper", "tour"]
-LONG = ["commissioning", "observers"]  # minutes: not in the sample
+LONG = ["benchmark", "commissioning", "method", "observers"]  # not in the sample
 each = pytest.mark.parametrize("path", notebooks.paths(), ids=lambda p: p.stem)
 
 

@@ -56,6 +56,7 @@ def with_bristles(seed, bend):
     return lg.Model.of(friction="lugre", **law, **more), gains, loop.own | more
 
 
+@pytest.mark.slow
 def test_bristles_in_a_drawn_loop_agree_with_another_simulation():
     model, gains, own = with_bristles(61, 3e-3)
     small, large = lg.limit_cycles(model, **gains).cycles
@@ -81,6 +82,5 @@ def compare_map(seed, share):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_a_map_over_wrongly_believed_friction_agrees_with_another_simulation():
     compare_map(61, 0.3)

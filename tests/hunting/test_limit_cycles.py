@@ -64,6 +64,7 @@ def test_friction_that_is_more_than_believed_is_what_compensation_tolerates_leas
         lg.hunting_map(model, {"ki": (1, 2), "kd": (1, 2)}, **PID, friction=(0.5, 2.0))
 
 
+@pytest.mark.slow
 def test_readmes_table_of_limit_cycles():
     block = README.split("<!-- figures:cycles -->")[1].split("<!-- end -->")[0]
     rows = dict(re.findall(r"^\|(\w+)\|([^|]+)\|", block, re.M))
@@ -76,6 +77,7 @@ def test_readmes_table_of_limit_cycles():
         assert said == [rows[name]], name
 
 
+@pytest.mark.slow
 def test_an_unstable_cycle_is_the_border_between_rest_and_hunting():
     loop = drawn(70)
     found = lg.limit_cycles(loop.model, **loop.options)
@@ -86,6 +88,7 @@ def test_an_unstable_cycle_is_the_border_between_rest_and_hunting():
     assert [*fates] == [RESTS, HUNTS] and sizes[1] == pytest.approx(large.amplitude, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_loop_whose_only_cycle_is_unstable_comes_to_rest():
     """Two half turns grow apart by -2 about the cycle, and end at rest from all of 14 starts that
     were simulated elsewhere."""
@@ -133,6 +136,7 @@ def test_a_dead_time_and_a_limit_swing_from_a_border_on():
     assert 0.035 < found.basin < 0.0395
 
 
+@pytest.mark.slow
 def test_a_torque_limit_voids_the_proof():
     smooth = drive("coulomb", Fs=None, vs=None)
     assert lg.limit_cycles(smooth, **PID).proof
@@ -140,6 +144,7 @@ def test_a_torque_limit_voids_the_proof():
     assert limited.proof is None and limited.outcome == "rests" and limited.loop["limit"] == 3.0
 
 
+@pytest.mark.slow
 def test_motor_and_load_have_their_own_amplitude():
     """Simulated elsewhere in steps of 10 us: the load swings +-16.7 mrad, the motor +-6.8."""
     gap = {"load_inertia": 0.006, "gap": 0.02, "stiffness": 200.0, "damping": 0.05}
@@ -171,11 +176,13 @@ def test_nothing_hunts_without_an_integral():
     assert lg.limit_cycles(drive(), kp=3.0, kd=6.0, rate=100.0)
 
 
+@pytest.mark.slow
 def test_a_loop_that_grows_is_no_quiet_one():
     found = lg.limit_cycles(drive(), kp=3.0, ki=40.0, kd=6.0)
     assert not found and found.diverges and "kd kp > ki J" in found.messages[0]
 
 
+@pytest.mark.slow
 def test_the_cascade_is_a_pid():
     kv, kp, ki = 2.0, 6.0, 2.0
     one = lg.limit_cycles(drive(), kv=kv, kp=kp, ki=ki)
@@ -183,6 +190,7 @@ def test_the_cascade_is_a_pid():
     assert one.cycles and one.cycles == two.cycles
 
 
+@pytest.mark.slow
 def test_a_law_of_ones_own_gives_the_same_cycle():
     @lg.block("friction", out="F", name="own_stribeck")
     def own(w, Fc=lg.P(1.0, "N m", 0), Fs=lg.P(1.5, "N m", 0), vs=lg.P(1e-3, "rad/s", 0)):
@@ -208,6 +216,7 @@ def test_the_map_agrees_with_the_loops_on_it():
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_counts_scatter_the_size_of_half_turns():
     found = lg.limit_cycles(drive(), **PID, rate=50.0, counts=1000)
     (cycle,) = found.cycles

@@ -37,6 +37,7 @@ def starts(own):
     return np.array([0.0, 1.0, 5.0]) * own["Fs"] / own["kp"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(3))
 def test_below_speed_start_routh_does_not_hold(number):
     """(kd + dF/dw) kp = ki J at speed_start, with dF/dw by hand."""
@@ -97,6 +98,7 @@ def test_the_picture_marks_both_speeds_and_effects_are_named():
         lg.stick_slip_speed(model, **gains, vary={"Fc": (1.0, 2.0)})
 
 
+@pytest.mark.slow
 def test_a_narrow_band_of_speeds_that_stick_is_found():
     """Simulated elsewhere in steps of 4e-6 s, it sticks at 0.095 rad/s up to kd 9.27."""
     law = {"J": 0.6, "Fc": 0.65, "Fs": 2.85, "vs": 0.16, "Fv": 0.1}

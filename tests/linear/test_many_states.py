@@ -78,6 +78,7 @@ def test_an_edge_that_rounding_blurs_is_a_range():
     assert edge.first == edge.low and f"between {edge.low:.9g} and" in str(edge)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dt", [0, True])
 def test_the_norm_is_reached_and_passed_nowhere(dt):
     """Of random systems of 1 to 12 states, half of them lightly damped."""

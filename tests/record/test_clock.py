@@ -10,6 +10,7 @@ from lugrectl.record import read_log, read_record, stretches
 from ..cases.damaged_drive import columns, seen, sound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [2, 700, 3001, 5998])
 @pytest.mark.parametrize("value", [0.0, -5.0, 1e6, np.nan, 1e300])
 def test_one_row_without_a_true_time_is_left_out(row, value):

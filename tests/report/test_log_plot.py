@@ -30,6 +30,7 @@ def test_a_record_shows_itself_as_the_plain_answer_does():
     assert lines(axes)[:2] == [("t [s]", "u [N m]"), ("t [s]", "w [rad/s]")]
 
 
+@pytest.mark.slow
 def test_a_cogging_shows_over_the_angle_and_runs_are_parted():
     """0.06 N m, three times in a turn."""
     t = np.arange(0, 20, 2e-3)
@@ -50,6 +51,7 @@ def test_a_cogging_shows_over_the_angle_and_runs_are_parted():
     assert sorted(np.sign(law[0]) for law in laws) == [-1.0, 1.0]
 
 
+@pytest.mark.slow
 def test_the_command_draws_the_same(tmp_path, monkeypatch):
     path, seen = csv(tmp_path, keep=slice(0, 900)), []
     monkeypatch.setattr(plt, "close", lambda figure: seen.append(titles(figure.axes)))

@@ -52,6 +52,7 @@ def named(name):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.cases
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_a_name_is_text_in_the_report_and_in_its_pictures(name):

@@ -212,6 +212,7 @@ def test_inputs_in_every_form_of_python_control_and_by_name() -> None:
 # What simulate() returns is used as python-control's own responses are.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "squeeze"), [("siso", None), ("loop", True), ("loop", False)])
 def test_the_response_is_used_as_python_controls(name: str, squeeze: bool | None) -> None:
     """Values, unpacking, indexing, keywords of a call, pandas and plot."""

@@ -215,6 +215,7 @@ BLOCKS = {  # block, and its error at 1 kHz, relative to the largest value of ea
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "error"), BLOCKS.values(), ids=BLOCKS)
 def test_a_block_at_1_khz_is_the_continuous_one(make, error):
     found, exact = along(make())

@@ -94,6 +94,7 @@ def test_the_same_holds_for_a_sampled_drive():
         lg.simulate_sampled(lg.plant(P), drive, T[:10], {"r": 0.1})
 
 
+@pytest.mark.slow
 def test_an_input_that_is_left_out_on_purpose_says_nothing():
     lg.simulate([lg.plant(P), lg.error(), lg.pi()], T[:10], {"r": 0.1})  # d
     lg.simulate([lg.plant(P), lg.proposed_observer(P)], T[:10], {"u": 0.0})

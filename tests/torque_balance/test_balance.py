@@ -44,6 +44,7 @@ def test_the_curve_has_both_directions_and_the_friction_of_the_drive(plain):
     assert torque[fast] == pytest.approx((FC * np.sign(w) + FV * w)[fast], rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [-5, 15])
 def test_a_late_torque_is_a_delay_and_leaves_the_friction_right(log, samples):
     u = np.roll(log["u"], -samples)[20:-20]
@@ -65,6 +66,7 @@ def test_short_records_are_answered_with_a_sentence():
     assert not found.parameters and found.notes
 
 
+@pytest.mark.slow
 def test_runs_of_different_rates_are_one_data_set():
     runs = [recorded(4.0, dt, seed) for seed, dt in enumerate((1e-3, 2e-3, 4e-3))]
     found = lg.balance(runs, MODEL)

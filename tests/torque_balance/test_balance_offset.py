@@ -42,6 +42,7 @@ def test_an_offset_of_the_speed_is_no_torque():
     assert any("rad/s too high" in note for note in shifted.notes)
 
 
+@pytest.mark.slow
 def test_a_delay_from_many_changes_of_torque_is_certain_however_slow_the_residual():
     """A slow unknown torque is remembered for long; the torque still changes as often."""
     rows = 25

@@ -52,6 +52,7 @@ def test_one_constant_torque_is_refused_with_what_it_may_be():
         lg.read_record(held(40.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [[held(40.0, 100)], [held(40.0, 100), held(-80.0, 100)]])
 def test_one_torque_in_each_direction_does_not_tell_inertia_from_friction(runs):
     plain = lg.balance(runs)
@@ -61,6 +62,7 @@ def test_one_torque_in_each_direction_does_not_tell_inertia_from_friction(runs):
     assert found.verdict == "refused" and "two or more torques" in found.experiment
 
 
+@pytest.mark.slow
 def test_what_the_steps_do_not_tell_has_no_value():
     """Exact motions from rest: no value has an interval of zero width."""
     J, Fc, Fv, dt, runs = 0.004, 0.12, 0.006, 2e-3, []

@@ -75,6 +75,7 @@ def coasts():
     return runs
 
 
+@pytest.mark.slow
 def test_a_coast_down_with_a_known_inertia_gives_the_friction(coasts):
     for model in (MODEL.with_values({"J": J}), MODEL.with_values({"J": J}).fix("J")):
         found = lg.balance(coasts, model)
@@ -84,6 +85,7 @@ def test_a_coast_down_with_a_known_inertia_gives_the_friction(coasts):
         assert any(note.startswith("J is taken as declared, 0.004 kg m2") for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_coast_down_without_the_inertia_gives_friction_per_inertia(coasts):
     found = lg.balance(coasts, MODEL)
     sums = {c.text: c.value for c in found.combinations}

@@ -16,6 +16,7 @@ def case(name, seed, swing=False):
     return made, lg.diagnose(made.runs, model_from_dict(made.model, "drawn"))
 
 
+@pytest.mark.slow
 @pytest.mark.cases
 @pytest.mark.parametrize("name", EFFECTS[::-1])
 def test_what_hangs_on_speed_is_named(name):
@@ -40,6 +41,7 @@ def test_a_swing_with_the_angle_is_told_with_its_size():
     assert (found.effects[0].name == "gravity") == (order == 1)
 
 
+@pytest.mark.slow
 def test_files_of_many_rates_from_the_command_line(tmp_path, capsys):
     made = friction_map("constant_torque", 20, swing=False)
     for i, columns in enumerate(made.runs[::2]):
@@ -55,6 +57,7 @@ def test_files_of_many_rates_from_the_command_line(tmp_path, capsys):
     assert lg.read_model(out / "model.toml").effects[0].block.name == "constant_torque"
 
 
+@pytest.mark.slow
 def test_what_is_left_out_for_being_small_counts_in_intervals():
     """Friction steeper one way beside a constant torque of a hundredth, which is not named."""
     w = np.r_[-4.0:-0.4:6j, 0.4:4.0:6j]

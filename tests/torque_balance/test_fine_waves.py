@@ -22,6 +22,7 @@ def said_of(amplitude: float, speed: float = 20.0, noise: float = 5e-3) -> lg.Di
     return lg.diagnose(log, lg.Model.of(friction="coulomb", **MODEL))
 
 
+@pytest.mark.slow
 def test_what_windows_hide_is_said_where_nothing_is_found():
     d = said_of(0.06)
     ripple = {one.name: one for one in d.comparison.detectable}["torque_ripple"]
@@ -30,6 +31,7 @@ def test_what_windows_hide_is_said_where_nothing_is_found():
     assert words in " ".join(str(d).split())
 
 
+@pytest.mark.slow
 def test_the_share_of_a_wave_counts_what_windows_take_of_it():
     share = next(s for s in said_of(0.06, 8.0, 1e-4).comparison.budget if s.term == "torque_ripple")
     assert share.rms == pytest.approx(0.06 / np.sqrt(2), rel=0.03)

@@ -1,6 +1,7 @@
 """Runs over parts of a turn: a torque of the angle beside friction."""
 
 import numpy as np
+import pytest
 
 import lugrectl as lg
 
@@ -24,6 +25,7 @@ def within(estimate, true):
     assert abs(true - 0.5 * (low + high)) < high - low
 
 
+@pytest.mark.slow
 def test_gravity_is_found_where_no_run_passes_a_turn():
     size, phase = 3.0, -1.2
     found = lg.diagnose(arm(lambda theta: size * np.sin(theta + phase)), COULOMB)
@@ -36,6 +38,7 @@ def test_gravity_is_found_where_no_run_passes_a_turn():
     assert np.ptp(found.map.u - (FC * np.sign(found.map.w) + FV * found.map.w)) < 1.0
 
 
+@pytest.mark.slow
 def test_a_declared_torque_over_the_angle_is_fitted():
     model = COULOMB.with_effect("gravity", {"amplitude": 30.0, "phase": 0.0})
     found = lg.diagnose(arm(lambda theta: 25.0 * np.sin(theta + 0.4)), model)

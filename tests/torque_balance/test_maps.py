@@ -37,6 +37,7 @@ def named(found):
     return [e.name for e in found.effects]
 
 
+@pytest.mark.slow
 def test_plain_friction_is_adequate_with_its_values():
     found = lg.diagnose(runs(), MODEL)
     assert found.verdict == "adequate" and not found.effects
@@ -50,6 +51,7 @@ def test_plain_friction_is_adequate_with_its_values():
     assert sum(held) >= len(SPEEDS) - 1
 
 
+@pytest.mark.slow
 def test_the_answer_has_the_face_of_a_map():
     found = lg.diagnose(runs(lambda w, x: 0.5 * np.sin(x + 0.4)), MODEL)
     document = json.loads(found.to_json())
@@ -68,6 +70,7 @@ def test_the_answer_has_the_face_of_a_map():
     assert "Mean torque of the held-out runs" in str(found)
 
 
+@pytest.mark.slow
 def test_what_hangs_on_angle_and_speed_is_named():
     found = lg.diagnose(runs(lambda w, x: 0.08 * np.sign(w) * np.sin(2 * x + 0.4)), MODEL)
     assert found.verdict == "found" and named(found) == ["position_dependent_friction"]
@@ -75,12 +78,14 @@ def test_what_hangs_on_angle_and_speed_is_named():
     assert found.error["augmented"] < found.error["refitted"]
 
 
+@pytest.mark.slow
 def test_a_bend_of_the_friction_curve():
     bend = lg.diagnose(runs(lambda w, x: 0.1 * np.sign(w) * abs(w) ** 0.5 - FV * w), MODEL)
     assert named(bend) == ["sublinear_viscous"]
     assert bend.effects[0].parameters["exponent"].may_be(0.5)
 
 
+@pytest.mark.slow
 def test_one_direction_gives_the_sum():
     found = lg.diagnose(runs(lambda w, x: 0.05, speeds=np.geomspace(0.5, 12, 7)), MODEL)
     (total,) = found.plain.combinations

@@ -30,6 +30,7 @@ def covers(e, truth):
     return e.ci95 is not None and e.ci95[0] <= truth <= e.ci95[1]
 
 
+@pytest.mark.slow
 def test_intervals_hold_although_runs_differ_by_more_than_their_noise():
     """The noise of the samples alone would give a tenth of the width."""
     found = [lg.balance(steady(SPEEDS, seed=seed, scatter=0.01)) for seed in range(6)]
@@ -62,6 +63,7 @@ def test_a_declared_fall_that_no_run_shows_stays_as_declared():
     assert found.model.friction.values["Fs"] == FS and found.model.friction.values["vs"] == VS
 
 
+@pytest.mark.slow
 def test_drag_is_named_beside_a_law_whose_fall_could_imitate_it():
     """Where it is large, a fit without it has little Coulomb friction, and a start of Fs."""
     runs = both_ways(np.geomspace(1.5, 40.0, 6), drag=8e-4)
