@@ -192,6 +192,7 @@ class Engine:
         self.hybrid, self.backend = hybrid, backend
         self.net, self.name, self.outputs = hybrid.net, hybrid.net.name, hybrid.flow.outputs
         self.states, self.held = hybrid.flow.states, len(hybrid.net.held) if hybrid.ticked else 0
+        self.right = set[bytes]()  # signs of parameters for which the feedback has the right sign
         self._points = 0
         self._code: dict[str, str] = {}
         self._runs: dict[str, Any] = {}
@@ -203,7 +204,7 @@ class Engine:
     def of(self, hybrid: Hybrid) -> Engine:
         """The same code for equations of the same outline, which may have other defaults."""
         other = Engine(hybrid, self.backend)
-        other._code, other._runs = self._code, self._runs
+        other._code, other._runs, other.right = self._code, self._runs, self.right
         return other
 
     def portable(self) -> Engine:

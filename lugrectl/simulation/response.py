@@ -15,6 +15,7 @@ from typing import Any
 import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
 from ..blocks.controllers import dead_time, dead_times
 from ..core.errors import Diverged, InputError
@@ -30,12 +31,14 @@ from ..engine.adaptive_run import (
 )
 from ..engine.delays import run_late
 from ..engine.graph import TraceError
-from ..engine.memo import compiled
-from ..engine.tracer import Net, Part, traced_net
+from ..engine.memo import ALONE, compiled, described
+from ..engine.tracer import Net, Part, is_wired, traced_net
 from . import arguments
 
 MOST = 1e8  # updates in a run: an array of them is 0.8 GB
 NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
+AT = (1e-2, 1.0, 1e2, 1e4)  # 1/s: points of the positive real axis
+TINY = 1e-6  # step of the differences
 
 
 def simulate(
@@ -228,7 +231,7 @@ def warn_unfed(net: Net, given: Any) -> None:
             f"{', '.join(part.outputs)} of {part.block.name}"
             for part in net.parts
             if part.outputs and not read & {*part.outputs} and label not in part.inputs
-            and not (_is_observer(part.block) and label[:1] != "F")  # often only watched
+            and not (_kind(part.block) == "observer" and label[:1] != "F")  # often only watched
         ]  # fmt: skip
         near = nearest(label, [k for k in net.signals if k not in read])
         if near is None and not idle:
@@ -244,10 +247,80 @@ def warn_unfed(net: Net, given: Any) -> None:
         )
 
 
-def _is_observer(block: Any) -> bool:
-    """Whether it is one of this package, continuous or sampled."""
-    inside = getattr(getattr(block.outfcn, "step", None), "system", block)
-    return getattr(getattr(inside.outfcn, "block", None), "kind", "") == "observer"
+def _continuous(block: Any) -> Any:
+    return getattr(getattr(block.outfcn, "step", None), "system", block)
+
+
+def _kind(block: Any) -> str:
+    """The kind of a block of this package, continuous or sampled."""
+    return getattr(getattr(_continuous(block).outfcn, "block", None), "kind", "")
+
+
+def _warn_of_sign(run: Run, right: set[bytes], p: np.ndarray) -> None:
+    """Warn of feedback that drives e from zero; ``right``: signs of p for which none does."""
+    signs = (p > 0.0).tobytes() + (p < 0.0).tobytes()
+    wrong = () if signs in right else _wrong(run.net, run.params)
+    if not wrong:
+        right.add(signs)
+    for name in wrong:
+        warnings.warn(
+            f"{run.net.name}: the feedback through {name} has the wrong sign: it drives the error "
+            "away from zero. The controllers here act on e = measured - reference "
+            "(lugrectl.error) with positive gains.",
+            RuntimeWarning,
+            stacklevel=5,
+        )
+
+
+def _wrong(net: Net, params: Mapping[str, Any] | None) -> list[str]:
+    """The controllers whose error e makes itself rise further: the loop is cut there, and its gain
+    on the positive real axis must not be positive."""
+    system = net.parts[0].block
+    wired = net.alone and is_wired(system)
+    blocks = system.syslist if wired else [part.block for part in net.parts]
+    ends = np.cumsum([0, *(block.ninputs for block in blocks)])
+    own = [(k, b) for k, b in zip(ends, blocks, strict=False) if _kind(b) == "controller"]
+    read = [(k, b.name, _continuous(b).outfcn.block.inputs) for k, b in own]
+    rows = {int(k) + inputs.index("e"): name for k, name, inputs in read if "e" in inputs}
+    if not rows or not net.looped:
+        return []
+    matrix = np.asarray(system.connect_map, dtype=float) if wired else net.connect
+    try:
+        with ALONE, np.errstate(all="ignore"):
+            values = {**(system.params if wired else {}), **(params or {})}
+            linear = [_linear(block, values) for block in blocks]
+            H = [matrix @ block_diag(*(_gain(s, *one) for one in linear)) for s in AT]
+            return [k for row, k in rows.items() if all(0 < _around(G, row) < np.inf for G in H)]
+    except Exception:  # a block that cannot be evaluated at rest is reported by the simulation
+        return []
+
+
+def _around(H: np.ndarray, row: int) -> float:
+    """What arrives at an input for 1 put in there, where v = H v are the inputs of all blocks."""
+    one, cut = np.eye(len(H)), H.copy()
+    cut[row] = 0.0
+    return float(H[row] @ np.linalg.solve(one - cut, one[row]))
+
+
+def _linear(block: Any, params: Mapping[str, Any]) -> tuple[np.ndarray, int, float]:
+    """[[A, B], [C, D]] of a block at rest, its number of states and its sample time, 0 for none."""
+    params, block = {**block.params, **params}, _continuous(block)
+    block._update_params(params)
+    n, m = int(block.nstates or 0), int(block.ninputs)
+
+    def values(at: np.ndarray) -> np.ndarray:
+        rates = block._rhs(0.0, at[:n], at[n:]) if n else ()
+        return np.concatenate([np.ravel(rates), np.ravel(block._out(0.0, at[:n], at[n:]))])
+
+    rows = [(values(h) - values(-h)) / (2 * TINY) for h in TINY * np.eye(n + m)]
+    dt = float(block.dt) if block.isdtime(strict=True) else 0.0
+    return np.reshape(rows, (n + m, n + block.noutputs)).T, n, dt
+
+
+def _gain(s: float, J: np.ndarray, n: int, dt: float) -> np.ndarray:
+    """C (z - A)^-1 B + D at z = s, in discrete time at exp(s dt)."""
+    z = np.exp(min(s * dt, 50.0)) if dt else s
+    return J[n:, n:] + J[n:, :n] @ np.linalg.solve(z * np.eye(n) - J[:n, :n], J[:n, n:])
 
 
 def course_of(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
@@ -345,11 +418,15 @@ def _track(run: Run) -> Track:
     if method in (None, "rosenbrock"):
         try:
             engine = compiled(run.net, run.params)
-            late = run_late(engine, run.course, run.starts, run.params, run.accuracy)
             p = engine.program.arguments(run.params)
+            _warn_of_sign(run, engine.right, p)
+            late = run_late(engine, run.course, run.starts, run.params, run.accuracy)
             return late or engine.follow(run.course, *run.starts, p, run.accuracy)
         except TraceError as error:
             method, why = "LSODA", str(error)
+    sampled = (part.block for part in run.net.parts if part.sampled)
+    if None not in (described(block, by_trace=False) for block in sampled):  # it may count calls
+        _warn_of_sign(run, set(), np.zeros(0))
     try:
         if why and run.net.groups:
             with contextlib.suppress(TraceError):

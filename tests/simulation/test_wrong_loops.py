@@ -13,6 +13,7 @@ from ..cases.own import moving, static
 
 P, DT = lg.table1(), 1e-3
 T = np.arange(0, 0.3, DT)
+WRONG = pytest.mark.filterwarnings("ignore:.*has the wrong sign:RuntimeWarning")
 
 
 def textbook():
@@ -42,6 +43,7 @@ RUNS = {
 }
 
 
+@WRONG
 @pytest.mark.parametrize("run", RUNS.values(), ids=RUNS)
 def test_a_diverging_loop_is_an_error_with_state_and_time(run):
     """And hints at the sign of e."""
@@ -68,6 +70,42 @@ def test_large_numbers_alone_are_no_divergence():
     unstable = ct.tf([1], [1, -1])
     grown = lg.simulate(unstable, np.linspace(0, 20, 99), 1.0).outputs[-1]
     assert grown == pytest.approx(np.expm1(20.0), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: parts(),
+        lambda: parts(error=lg.error(inputs=["w", "r"])),
+        lambda: parts(lg.pi(-1.6, -0.16), lg.error()),
+        lambda: sampled_parts(),
+        lambda: interconnected(),
+    ],
+)
+def test_a_feedback_of_the_wrong_sign_warns_and_names_the_controller(made):
+    with pytest.warns(RuntimeWarning, match="feedback through pi has the wrong sign"):
+        lg.simulate(made(), T[:10], {"r": 0.1})
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: parts(error=lg.error()),
+        lambda: parts(lg.pi(-1.6, -0.16)),  # e and the gains turned: right again
+        lambda: [*parts(error=lg.error()), lg.proposed_observer(P), lg.compensation()],
+        lambda: [lg.plant(P), lg.error("position"), lg.pid(15.0, 1.55, 0.3)],
+    ],
+)
+def test_a_feedback_of_the_right_sign_says_nothing(made):
+    lg.simulate(made(), T[:10], {"r": 0.1})  # a warning is an error here
+
+
+def test_a_sign_that_a_parameter_turns_is_seen_in_code_that_is_compiled():
+    loop, turned = lg.velocity_loop(P), {"pi.kp": -1.6, "pi.ki": -0.16}
+    for gains in ({}, {"pi.kp": 0.0, "pi.ki": 0.0}):
+        lg.simulate(loop, T[:10], {"r": 0.1}, params=gains)
+    with pytest.warns(RuntimeWarning, match="velocity_loop: the feedback through pi has the wrong"):
+        lg.simulate(loop, T[:10], {"r": 0.1}, params=turned)
 
 
 @pytest.mark.parametrize(
