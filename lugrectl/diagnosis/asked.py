@@ -80,9 +80,10 @@ class Asked:
 
     def doubts(self, answer: Balance | None = None) -> tuple[str, ...]:
         """What the log says against the model, asked of several runs and of held values, and where
-        an ``answer`` is doubtful; Refused where the log is impossible as it was given."""
+        an ``answer`` is doubtful or far from what is declared; Refused where the log is impossible
+        as it was given."""
         stated = any(s.fixed or s.bounded for s in self.model.stated.values())
-        odd = answer is not None and doubtful(answer)
+        odd = answer is not None and (doubtful(answer) or far_off(answer, self.model))
         if not (stated or len(self.logs) > 1 or odd):
             return ()
         if self.plain.unlike:
@@ -230,16 +231,20 @@ SHARE, HALF = 0.05, 0.5  # of the torque that a held value leaves more; and of a
 
 MOST_RUNS = 20  # that are compared with one another
 ALIKE, QUARTER = 1.03, 0.25  # ratio of levels that agree; relative error of one that is known
-ABOUT = 2.0  # ratio of levels that no unit explains
+ABOUT, FARTHER = 2.0, 3.0  # ratio of levels that no unit explains; of a J that one may explain
 DEG, RPM = 180 / np.pi, 30 / np.pi
 # what undoes it where a channel is so many times what it should be
 TORQUE_AND_TIME = {"u=-1": -1.0, "u=mN m": 1e3, "t=ms": 1e3}
 MOTIONS = {
-    ("rotary", "theta"): {"theta=deg": DEG, "theta=turn": 0.5 / np.pi},
-    ("rotary", "w"): {"w=deg/s": DEG, "w=rpm": RPM},
-    ("linear", "theta"): {"theta=mm": 1e3},
+    ("rotary", "theta"): {"theta=deg": DEG, "theta=57.29578": 1 / DEG,
+                          "theta=turn": 0.5 / np.pi, "theta=0.1591549": 2 * np.pi},
+    ("rotary", "w"): {"w=deg/s": DEG, "w=57.29578": 1 / DEG, "w=rpm": RPM, "w=9.549297": 1 / RPM},
+    ("linear", "theta"): {"theta=mm": 1e3, "theta=1000": 1e-3},
     ("linear", "w"): {},
-}
+}  # fmt: skip
+UNIT = (
+    "{} is {:.4g} times what it is with the declared J and friction: give {}, or correct the model."
+)
 OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
 TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
 OTHERS = "The plain answer is that of the other runs."
@@ -263,6 +268,8 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
     found = plain_row(parts, model)
     notes = (*[OTHERS] * bool(left_out), *found.notes)
     found = replace(found, unlike=tuple(left_out.values()), notes=notes)
+    if said := in_another_unit(parts, model, found):
+        return replace(found, against=(said,), hopeless=True)
     if not parts or not doubtful(found):
         return against_stated(parts, model, found)
     others = {SIGN: [replace(part, u=-part.u) for part in parts]}
@@ -378,17 +385,22 @@ def agree(one: Levels | None, other: Levels | None, least: int, times: float = A
     return known.sum() >= least and bool(np.all(off < np.log(times) + error[known]))
 
 
-def fault(parts: Sequence[Stretch], model: Model, right: Levels) -> tuple[str, str, float]:
+def of_motion(parts: Sequence[Stretch], model: Model) -> Mapping[str, float]:
+    return MOTIONS[model.motion, "w" if parts[0].theta is None else "theta"]
+
+
+def fault(
+    parts: Sequence[Stretch], model: Model, right: Levels, of: Mapping[str, float], times: float
+) -> tuple[str, str, float]:
     """Which channel is how many times what makes the levels right, and what undoes it; or ""."""
-    of = MOTIONS[model.motion, "w" if parts[0].theta is None else "theta"]
-    for undone, size in (TORQUE_AND_TIME | of).items():
+    for undone, size in of.items():
         channel = undone.split("=")[0]
         if channel == "t":
             tried = [replace(p, dt=p.dt / size, t=p.t / size) for p in parts]
         else:
             tried = [replace(p, **{channel: getattr(p, channel) / size}) for p in parts]
-        if agree(levels(plain_row(tried, model)), right, 2):
-            return channel, option("scale" if size < 0 else "units", undone), size
+        if agree(levels(plain_row(tried, model)), right, 2, times):
+            return channel, option("scale" if undone[-1].isdigit() else "units", undone), size
     return "", "", 1.0
 
 
@@ -407,9 +419,29 @@ def unlike(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> dict
         for run, own in each.items():
             if right is None or agree(own, right, 1, ABOUT):  # no unit is so small a factor
                 continue
-            channel, undo, size = fault(runs[run], model, right)
+            of = {**TORQUE_AND_TIME, **of_motion(runs[run], model)}
+            channel, undo, size = fault(runs[run], model, right, of, ALIKE)
             if size == -1.0:
                 left_out[run] = OPPOSITE.format(names[run], usual, undo)
             elif channel:
                 left_out[run] = TIMES_OTHERS.format(names[run], channel, size, usual, undo)
     return left_out
+
+
+def far_off(found: Balance, model: Model) -> bool:
+    """Whether the log has an inertia so far from the declared one that a unit may be wrong."""
+    declared, J = model.known().get("J"), {**found.uncertain, **found.parameters}.get("J")
+    if not declared or J is None or J.ci95 is None:
+        return False
+    return J.ci95[0] > FARTHER * declared or 0 < J.ci95[1] < declared / FARTHER
+
+
+def in_another_unit(parts: Sequence[Stretch], model: Model, found: Balance) -> str:
+    """A sentence where one unit of the motion makes the declared J, Fc and Fv of those of the log;
+    "" where none does. Another scale of u is no fault: shares of friction stay."""
+    declared = np.array([model.known().get(k) or np.nan for k in LEVELS])
+    if not far_off(found, model) or np.isnan(declared).any():
+        return ""
+    right, free = np.array([declared, 0 * declared]), replace(model, J=None, stated={})
+    channel, undo, size = fault(parts, free, right, of_motion(parts, model), ABOUT)
+    return UNIT.format(channel, size, undo) if channel else ""

@@ -149,7 +149,8 @@ SCALE = (
     "all by the factor {:.3g}: if the declared values are right, the scale of u is wrong (torque "
     "constant, gear ratio)"
 )
-UNITS, MUCH = "A factor of {:.3g} in {} is often a unit: see units, as theta=deg or w=rpm.", 3.0
+UNITS = "A factor of {:.3g} in {} is often a unit: see units, as theta=deg, w=rpm or u=mN m."
+MUCH = 3.0
 ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
     "at the same times depends on the motion",
