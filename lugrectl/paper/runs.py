@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from itertools import count
@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 import lugrectl as lg
 
 from .. import report
-from ..core.display import NONE, Grid, Shown, number, show_poles
+from ..core.display import NONE, Grid, Row, Shown, number, show_poles
 from ..core.errors import Diverged, InputError
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.provenance import Provenance
@@ -162,6 +162,16 @@ class Reproduction(Result):
         report.check_folder(folder)
         content = dict(zip(FILES, (page(self).html(), self.to_json() + "\n"), strict=True))
         return report.written(content, Path(folder), "page")
+
+    def _title(self) -> str:
+        return "Reproduction of the source paper"
+
+    def _rows(self) -> Iterable[Row]:
+        return [
+            *(Row(f"bandwidth, {w.label}", w.hertz, "Hz") for w in self.widths),
+            Row("figures", ", ".join(f.key for f in self.figures)),
+            Row("studies", ", ".join(o.study.key for o in self.outcomes)),
+        ]
 
     def __str__(self) -> str:
         return page(self).text()

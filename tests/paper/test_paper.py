@@ -117,7 +117,7 @@ def test_files_are_written_both_or_none(some, tmp_path):
         some.save(tmp_path / "taken")
     shown = Page(html.read_text())
     assert not {"script", "link"} & {*shown.tags} and "http" not in html.read_text()
-    assert shown.tags.count("figure") == len(some.figures)
+    assert shown.tags.count("figure") == len(some.figures) + len(some.outcomes)
     ids = [value for key, value in shown.attributes if key == "id"]
     assert len(ids) == len(set(ids)) and "unstable" in "".join(shown.said)
 
