@@ -124,7 +124,8 @@ def growth(found: Any, ax: Axes) -> Axes:
     if found.basin:
         ax.axvline(found.basin, color=UNSTABLE, ls="--", label="border of rest")
     over = f"error at breakaway [{unit_for('rad', found.motion)}]"
-    return headed(ax, found._title(), xlabel=over, ylabel="error at the next turn / error")
+    title = found._title()[:1].upper() + found._title()[1:]
+    return headed(ax, title, xlabel=over, ylabel="error at the next turn / error")
 
 
 @drawn
@@ -139,7 +140,8 @@ def sliding(found: Any, ax: Axes) -> Axes:
     ):
         if speed and np.isfinite(speed):
             ax.axvline(speed, color=colour, ls="--", label=name)
-    return headed(ax, found._title(), xlabel=f"speed v [{found.unit}]", ylabel="growth [1/s]")
+    title = found._title()[:1].upper() + found._title()[1:]
+    return headed(ax, title, xlabel=f"speed v [{found.unit}]", ylabel="growth [1/s]")
 
 
 @drawn
