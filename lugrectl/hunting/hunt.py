@@ -811,7 +811,7 @@ def _searched(
         run = model_run(model, loop, sensing, limit, seconds)
         found = search(run, starts).answer(where)
         if own:
-            known = (c for c in rigid.cycles if not c.stable)
+            known = (c for c in rigid.cycles if not (c.stable and found.cycles))
             cycles = sorted((*known, *found.cycles), key=lambda c: c.amplitude)
             found = replace(found, cycles=tuple(cycles), curve=rigid.curve)
         elif sensing is None and limit is None:
