@@ -211,17 +211,17 @@ def _applied(
             signals["u"] = u  # the next one reads it
     load = sum((out for _, out in deeds("load", values)), signals["d"])
     signals["load"] = load
-    scaled = _leveled(values, [*deeds("level", values)])
+    scaled = leveled(values, [*deeds("level", values)])
     torque = 0.0
     for act, out in deeds("torque", scaled):
         if act == "torque":
             torque = torque + out
         else:
-            scaled |= _leveled(scaled, [(act, out)])
+            scaled |= leveled(scaled, [(act, out)])
     return load + torque, scaled
 
 
-def _leveled(values: Mapping[str, Any], deeds: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+def leveled(values: Mapping[str, Any], deeds: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     """The values after deeds on levels that there are: multiplied by 1 + x, then increased."""
     made = dict(values)
     for act, out in deeds:

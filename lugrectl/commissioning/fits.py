@@ -59,7 +59,8 @@ POWERS = np.arange(ORDER + 1)
 class Run:
     """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples. ``steps``
     (FINER n,) is the smoothed motion of each part of an interval, rad or m; ``E`` the spectrum of
-    the changes of the reference, if logged; ``load`` (n,) the known torque that resists."""
+    the changes of the reference, if logged; ``load`` (n,) the known torque that resists; ``scale``
+    that of the level of friction."""
 
     dt: float
     t: np.ndarray
@@ -71,6 +72,7 @@ class Run:
     E: np.ndarray | None
     load: np.ndarray
     steps: np.ndarray
+    scale: np.ndarray | float = 1.0
 
     @cached_property
     def U(self) -> np.ndarray:
@@ -676,7 +678,8 @@ class Problem:
             load = self.loads[i]
             far = _terms(load.path, load.speed, distance, vs)[1]
             made = np.c_[made, run.signal(run.spectrum(far) * load.seen[:, None])]
-        return run.spectrum(made * ~run.stands[:, None]) * self.advance[i][:, None]
+        share = run.scale * ~run.stands
+        return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
 
     def without(self, found: Friction) -> Friction:
         """The same shapes with no friction."""

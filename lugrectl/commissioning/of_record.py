@@ -18,7 +18,7 @@ import control as ct
 import numpy as np
 
 from ..blocks.model import Model, Part, as_model
-from ..blocks.plant import STAGES, stage
+from ..blocks.plant import STAGES, leveled, stage
 from ..core.display import Row, between, noticed, number
 from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
@@ -227,18 +227,22 @@ def _shown(mode: Mode) -> tuple[str, str, str]:
 
 
 LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
-LEFT = "{} is not taken out: it is no torque of position, speed and time."
+LEFT = "{} is not taken out: it is no torque of position, speed and time with known values."
+ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
 
 
 def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[str]]:
     """The runs with the effects of a model along the measured motion, and what stays in the
     response, in words; what is linear stays without a word. InputError for an open value."""
-    parts, said = [], []
+    parts, said, friction = [], [], model.friction.values
     for part in model.effects:
         shared = any(p.shared for p in part.block.parameters.values())
+        acts = {*part.block.acts}
         if part.block.name in LINEAR:
             continue
-        if part.block.states or shared or not {*part.block.acts} <= {"torque", "input"}:
+        unknown = "+Fc" in acts and not friction.get("Fc")
+        unknown |= "Fv" in acts and friction.get("Fv", 0.0) is None
+        if part.block.states or shared or unknown or not acts <= ACTS or acts == {"Fs"}:
             said.append(LEFT.format(part.key))
             continue
         if missing := [k for k, v in part.values.items() if v is None]:
@@ -248,20 +252,26 @@ def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[st
             )
         parts.append(part)
     parts.sort(key=lambda part: STAGES.index(stage(part.block)))
-    return [_along(run, parts) for run in runs], said
+    return [_along(run, parts, friction) for run in runs], said
 
 
-def _along(run: Run, parts: Sequence[Part]) -> Run:
-    """A run with the torque that acts on it, and the resisting torque."""
+def _along(run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]) -> Run:
+    """A run with the torque that acts on it, the resisting torque, and the level of friction."""
     middle = np.append(0.5 * (run.theta[1:] + run.theta[:-1]), run.theta[-1])
     signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
-    resisting = run.load
+    signals["load"], resisting, changes = run.load, run.load, list[tuple[str, Any]]()
     for part in parts:
         values = part.block(*(signals[name] for name in part.block.reads), **part.values)
         acts = dict(part.block.deeds(values))
-        signals["u"] = np.broadcast_to(acts.get("input", signals["u"]), run.u.shape)
-        resisting = resisting + acts.get("torque", 0.0)
-    return replace(run, u=signals["u"], load=resisting)
+        signals["u"] = np.broadcast_to(acts.pop("input", signals["u"]), run.u.shape)
+        torque = acts.pop("torque", 0.0)
+        resisting = resisting + torque
+        signals["load"] = signals["load"] + torque * part.block.load
+        changes += acts.items()
+    level = {"Fc": friction.get("Fc") or 1.0, "Fv": friction.get("Fv") or 0.0}
+    now = leveled(level, changes)
+    resisting = resisting + (now["Fv"] - level["Fv"]) * run.speed
+    return replace(run, u=signals["u"], load=resisting, scale=now["Fc"] / level["Fc"])
 
 
 HIGHEST = 0.4  # of half the sampling rate
@@ -307,8 +317,8 @@ def frequency_response(
         speed, serves as instrument: noise in the loop does not bias the response then.
     model : Model, Parameters, dict or path
         The declared model. The level of friction is fitted; a law without dry friction
-        ("viscous") takes none out. Torques of position, speed and time among its effects are taken
-        out with their values.
+        ("viscous") takes none out. Its effects that are torques of position, speed and time, or
+        change the level of friction with these or the load, are taken out with their values.
     columns, units, scale, rate : optional
         How to read a log, as for :func:`lugrectl.read_record`.
 

@@ -785,7 +785,7 @@ def _asked(search: Search, shape: Shape, asked: float) -> tuple[Search, Shape]:
 
 def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     """The limit cycles with these gains; None without dry friction, InputError where it is not
-    known."""
+    known. Where a sampled loop stays undecided, hunting in continuous time counts."""
     axis = search.axis
     if axis.model is None:
         raise InputError("whether a loop hunts is a matter of its friction: give model=.")
@@ -795,9 +795,11 @@ def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     given: dict[str, Any] = {
         k: max(float(v), 0.0) for k, v in search.gains(shape)._asdict().items()
     }
-    if axis.dt is not None and given["ki"]:
-        given |= {"rate": 1.0 / axis.dt, "dead_time": axis.dead_time}
-    return limit_cycles(model, **given)
+    if axis.dt is None or not given["ki"]:
+        return limit_cycles(model, **given)
+    found = limit_cycles(model, **given, rate=1.0 / axis.dt, dead_time=axis.dead_time)
+    exact = limit_cycles(model, **given) if found.hunts is None else found
+    return exact if exact.hunts else found
 
 
 def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | None]:

@@ -201,6 +201,7 @@ class LimitCycles(Result):
 
 
 POINTS = 300  # of the grid of errors
+DIP = 0.3  # |D| of an extremum between grid points that may reach zero
 PARTS, CUTS = 16, 5  # into which a bracket is cut at a time, and how often
 JUMP = 1e-3  # |D| at the end of the cuts: not a root
 AWAY = 1e-4  # relative distance at which a multiplier is measured
@@ -216,6 +217,7 @@ def rigid_cycles(loop: Loop) -> LimitCycles:
     lanes = replace(loop.lanes(1), large=BEYOND * high)
     x = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
     D = excess_on(lanes.many(len(x)), x)[0]
+    x, D = _closer(lanes, x, D)
     rests = np.cumprod(D <= -NEVER).sum()  # sticks up to here come to rest at once
     lanes = replace(lanes, calm=float(x[rests - 1]) if rests else 0.0)
     turns, is_root = _turns(lanes, x, D)
@@ -225,6 +227,20 @@ def rigid_cycles(loop: Loop) -> LimitCycles:
         border = 0.0 if D[0] > 0.0 or not len(turns) else float(turns[0]) * loop.unit
     said = ("large motions grow without bound: kd kp > ki J does not hold",) * diverges
     return LimitCycles(cycles, border, None, diverges, {}, said, curve=(x * loop.unit, D))
+
+
+def _closer(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The grid with more points where |D| is so small that it may reach zero between two."""
+    for _ in range(2):
+        size = np.abs(D)
+        dips = (size[1:-1] < np.minimum(size[:-2], DIP)) & (size[1:-1] <= size[2:])
+        at = np.flatnonzero(dips)
+        more = np.geomspace(x[at], x[at + 2], 2 * PARTS + 1)[1:-1].ravel()
+        if not len(at):
+            break
+        x, first = np.unique(np.r_[x, more], return_index=True)
+        D = np.r_[D, excess(lanes.many(len(more)), more)][first]
+    return x, D
 
 
 def _turns(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -270,7 +286,7 @@ def _is_open(rigid: LimitCycles) -> bool:
     if rigid.curve is None or rigid.diverges:
         return False
     D, settles = rigid.curve[1], any(c.stable for c in rigid.cycles)
-    return bool(np.any(D >= NEVER) or (np.any(D > 0.0) and not settles))
+    return bool(np.any(~(D < NEVER)) or (np.any(D > 0.0) and not settles))
 
 
 RESTS, HUNTS, GROWS, OPEN = "rests", "hunts", "grows", "open"
@@ -607,7 +623,9 @@ def bristle_cycles(
     if not (loop.ki and bristles) or model.effects:
         return waited
     for start, turns in [*((c, 0) for c in rigid), *((c, SETTLES) for c in waited)]:
-        cycle = Bristles(model, loop).cycle(start.amplitude, turns) or (start if turns else None)
+        cycle = Bristles(model, loop).cycle(start.amplitude, turns)
+        near = cycle and cycle.stable and abs(cycle.amplitude / start.amplitude - 1.0) < SAME
+        cycle = start if turns and not near else cycle  # what was seen to swing stays
         if cycle and all(abs(cycle.amplitude / c.amplitude - 1.0) > ONE for c in found):
             found.append(cycle)
     return tuple(sorted(found, key=lambda c: c.amplitude))
@@ -793,7 +811,7 @@ def _searched(
         run = model_run(model, loop, sensing, limit, seconds)
         found = search(run, starts).answer(where)
         if own:
-            known = (c for c in rigid.cycles if not c.stable)
+            known = (c for c in rigid.cycles if not (c.stable and found.cycles))
             cycles = sorted((*known, *found.cycles), key=lambda c: c.amplitude)
             found = replace(found, cycles=tuple(cycles), curve=rigid.curve)
         elif sensing is None and limit is None:

@@ -296,7 +296,10 @@ def _changes(
 
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
-SLIP_STEPS = 1500  # of one slip; a longer one creeps, and comes to rest
+SLIP_STEPS, LOOK = 3000, 50  # of one slip, that is not known then; looked for creeping so often
+NEARLY = 0.02  # share of inertia in the torque of a creeping drive
+SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
+ENDED = 1e-9  # units: a speed at the end of a slip
 FIRST = 1e-3  # the first step
 NEWTON, STOPPED = 20, 1e-15  # steps to the end of a slip, and a speed of 0
 A = np.vstack([np.pad(RK45.A[1:], ((0, 0), (0, 1))), RK45.B])  # stages, the last the new state
@@ -321,7 +324,8 @@ def proven(loop: Loop) -> str | None:
 
 
 class End(NamedTuple):
-    """Where slips end: error, excess and duration; ``rests`` where a slip creeps to zero."""
+    """Where slips end: error, excess and duration; ``rests`` where a slip creeps to zero. An error
+    that is not known is nan, in a stick, and so is what follows from it."""
 
     x: np.ndarray
     y: np.ndarray
@@ -334,7 +338,7 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     small, last = SMALL * np.minimum(1.0, np.abs(x)), step.copy()  # the step in which a lane stops
     rests, active = np.zeros(len(x), bool), np.arange(len(x))
     own, now, slope = lanes, state.copy(), _rates(lanes, state)
-    for _ in range(SLIP_STEPS):
+    for k in range(1, SLIP_STEPS + 1):
         new, slopes = _stepped(own, now, step, slope)
         missed = step * (RK45.E @ slopes.reshape(7, -1)).reshape(now.shape)
         size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
@@ -342,6 +346,7 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
         good = worst <= 1.0
         stops = good & (new[1] <= 0.0)
         crept = good & (np.abs(new[0]) < small[active]) & (new[1] < small[active])
+        crept |= (k % LOOK == 0) & good & ~stops & _creeps(own, new, slopes[-1])
         goes = good & ~stops & ~crept
         t[active[goes]] += step[goes]
         last[active[stops]], state[:, active[stops]] = step[stops], now[:, stops]
@@ -354,9 +359,21 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
             now, slope, step = now[:, left], slope[:, left], step[left]
         if not len(active):
             break
-    rests[active] = True
     ends, more = _stopped(lanes, state, last)
+    lost = (np.abs(ends[1]) > ENDED) & ~rests
+    lost[active] = True
+    ends[:, lost] = np.array([[np.nan], [0.0], [0.0]])
     return End(ends[0], np.minimum(ends[2], 0.0), t + more, rests)
+
+
+def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Whether the torque follows friction that grows with the speed: x decays, without a stop."""
+    x, a, _ = state
+    damped = lanes.delta * SLOWER * a - lanes.drop(SLOWER * a)
+    rise = damped[:-1] - damped[1:]  # overdamped at each lower speed, near the slower rate
+    holds = np.all((rise > 0.0) & (4.0 * lanes.rho * rise < SLOWER[1:] * a), axis=0)
+    follows = (np.abs(slope[1]) < NEARLY * damped[0]) & (np.abs(slope[2]) < 0.5 * a)
+    return (x > 0.0) & follows & holds & (damped[-1] > 0.0)
 
 
 def _rates(lanes: Lanes, state: np.ndarray) -> np.ndarray:
@@ -623,10 +640,10 @@ def hunting_map(
     -----
     At each point D(e) = log(T(e)/e) of :func:`limit_cycles` on 72 errors from 1/1000 to 30 times
     Fs/kp: quiet where D < 0 at all, hunting where D > 0 at the smallest, else the loop comes to
-    rest from small errors and keeps on hunting once a large one started it. Undecided where D comes
-    as near to 0 as 0.02, and where D > 0 somewhere, but T, iterated, keeps
-    no error: :func:`limit_cycles` answers there. Quiet is proven for
-    Coulomb and viscous friction without compensation, and searched elsewhere.
+    rest from small errors and keeps on hunting once a large one started it. Undecided where D, or a
+    parabola through three points of it, comes as near to 0 as 0.02, where D is not known, and where
+    D > 0 somewhere, but T, iterated, keeps no error: :func:`limit_cycles` answers there. Quiet is
+    proven for Coulomb and viscous friction without compensation, and searched elsewhere.
 
     Examples
     --------
@@ -702,7 +719,15 @@ def _regions(loops: list[Loop]) -> list[int]:
 
 def _region(D: np.ndarray) -> int:
     if not np.any(D > 0.0):
-        return UNDECIDED if D.max() > -NEAR_ZERO else QUIET
-    if not np.any(D >= NEVER) and not len(kept(ERRORS, D)):
+        return QUIET if _highest(D) <= -NEAR_ZERO else UNDECIDED
+    if np.isnan(D).any() or (not np.any(D >= NEVER) and not len(kept(ERRORS, D))):
         return UNDECIDED
     return HUNTING if D[0] > 0.0 else STARTED
+
+
+def _highest(D: np.ndarray) -> float:
+    """The maximum of D, or of a parabola through three points of it; nan where one is."""
+    a, b, c = D[:-2], D[1:-1], D[2:]
+    top = (b >= a) & (b >= c) & (a + c < 2.0 * b) & (np.minimum(a, c) > -NEVER)
+    a, b, c = a[top], b[top], c[top]
+    return float(np.max(np.r_[D, b + 0.125 * (c - a) ** 2 / (2.0 * b - a - c)]))

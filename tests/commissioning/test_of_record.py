@@ -107,6 +107,30 @@ def test_the_phase_is_unwrapped_along_what_is_certain():
     assert np.allclose((made - true)[sure], 0.0) and np.abs(made - true).max() < np.pi + 0.01
 
 
+def _drift(t, w):
+    return {"name": "thermal_drift", "ratio": 5.0, "time_constant": 5.0}, 5 - 5 * np.exp(-t / 5)
+
+
+def _weight(t, w):
+    load = np.sin(np.cumsum(w) * (t[1] - t[0]))
+    gravity = {"name": "gravity", "amplitude": 1.0, "phase": 0.0}
+    effect = {"name": "load_dependent_friction", "coefficient": 0.3}
+    return [gravity, effect], np.abs(load) + load * np.sign(w) / Fc
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+@pytest.mark.parametrize("effect", [_drift, _weight])
+def test_effects_on_the_level_of_friction_are_taken_out(effect):
+    one = log()
+    effects, level = effect(one["t"], one["w"])
+    one["u"] = one["u"] + Fc * level * np.sign(one["w"])
+    model = lg.Model.of(friction="coulomb", Fc=Fc, Fv=0.0)
+    made = [lg.frequency_response(one, x) for x in (model, lg.Model.of(model, effects=effects))]
+    left, taken = (np.median(1 - x.coherence[x.frequency < 60]) for x in made)
+    assert taken < 0.5 * left
+
+
 def test_what_cannot_be_taken_out_is_named():
     model = lg.Model.of(friction="coulomb", effects=[{"name": "inertia_step"}])
     assert any(
