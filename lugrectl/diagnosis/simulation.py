@@ -578,18 +578,23 @@ WEAK = 1.5  # standard deviation of a coordinate about its start where nothing e
 WIDE = 0.3  # the same from which a start is no more than a guess: factors on it are tried
 FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
 SLOPE = 1e-3  # of a coordinate, for slopes
-ROUNDS, CLIMBS, GAINED = 2, 15, 5e-6  # fits, each at the noise before it; their evaluations
+ROUNDS, CLIMBS, GAINED = 2, 30, 1e-7  # fits, each at the noise before it; their evaluations
 TINY = 1e-300  # least variance of a prior
+FARTHEST = 0.7  # of a coordinate that a window moves
 
 
 def _at_top(space: _Space, begun: Fit) -> tuple[Fit, Joint]:
-    """The likeliest values, and those that are determined, by likelihood and windows' scores."""
+    """The likeliest values, and those that are determined: their covariance is the larger of the
+    likelihood's own and the jackknife's over windows."""
     tops = [space.up(one) for one in dict.fromkeys((begun, space.scanned()))]
     fit = max(tops, key=lambda one: space.totals([one.values], one.jump)[0])
     x = space.x(fit.values)
-    A, e = space.slopes(x, fit.jump), space.off(x, fit.jump)[:, None]
-    own, scores = np.linalg.inv(A.T @ A), np.add.reduceat((A * e)[: -len(x)], space.starts())
-    scatter = np.sum((scores @ own) ** 2, axis=0) * len(scores) / (len(scores) - 1)
+    A, e, at = space.slopes(x, fit.jump), space.off(x, fit.jump), space.starts()
+    H, own = A.T @ A, np.linalg.inv(A.T @ A)
+    windows = zip(*(np.split(part[: -len(x)], at[1:]) for part in (A, e)), strict=True)
+    off = np.array([np.linalg.solve(H - a.T @ a, a.T @ b) for a, b in windows])  # each left out
+    off *= np.minimum(1.0, FARTHEST / np.maximum(np.max(np.abs(off), axis=1), TINY))[:, None]
+    scatter = (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
     wider = np.sqrt(np.maximum(scatter / np.diag(own), 1.0))
     C, prior = own * np.outer(wider, wider), np.diag(np.linalg.inv(space.weight))
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
