@@ -237,6 +237,7 @@ TOGETHER = {  # effects that one drive has
 }
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("law", TOGETHER)
 def test_the_engine_follows_them(law, monkeypatch):
     """lg.simulate against python-control, with a torque that moves, rests and reverses."""

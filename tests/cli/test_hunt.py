@@ -32,6 +32,7 @@ def test_the_document_has_what_is_promised(files, capsys):
     assert "picture: hunt.png" in err
 
 
+@pytest.mark.slow
 def test_the_speeds_of_a_moving_loop_are_answered_with_exit_0(files, capsys):
     code, out, _ = run(capsys, "--model sticks.toml --kp 3 --ki 4 --kd 6 --speed --json")
     said = json.loads(out)

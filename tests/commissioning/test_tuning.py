@@ -47,6 +47,7 @@ def judged(drive, found):
     return loops.stable(drive, gains, found.notch), peak, share
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["P-PI", "PID", "PI"])
 def test_gains_of_a_log_on_the_true_drive(quick, structure):
     for drive, known in quick:
@@ -149,6 +150,7 @@ def test_gains_stay_where_hunting_is_not_decided(outcome, monkeypatch):
     assert any("not decided" in m for m in quiet.messages) == (outcome == "undecided")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["P-PI", "PID", "PI"])
 def test_gains_of_the_bandwidth_that_is_asked_for(structure):
     most = lg.tune(RIGID, structure, dead_time=1e-3, rate=1000.0)

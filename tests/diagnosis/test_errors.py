@@ -97,6 +97,7 @@ def test_a_record_is_held_out_whatever_its_rate_and_channels(record):
     assert found.error["augmented"] == pytest.approx(NOISE, rel=0.2)
 
 
+@pytest.mark.slow
 def test_no_fit_sees_a_record_that_is_held_out(record):
     other = log(seed=1, seconds=10.0)
     wrong = replace(other, w=other.w + 0.05, log=None)

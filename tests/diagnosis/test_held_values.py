@@ -215,6 +215,7 @@ def test_a_declared_inertia_stands_where_the_log_does_not_tell_it():
     assert any("J is taken as declared" in note for note in fit.messages)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_says_in_its_headline_that_a_held_value_is_contradicted(log):
     found = lg.diagnose(log, lg.Model.of(J=held(2.2e-3)))
     assert "But: The record contradicts held values: J is held at 0.0022" in str(found).replace(

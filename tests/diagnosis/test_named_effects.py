@@ -49,6 +49,7 @@ def test_a_dead_zone_which_looks_like_more_inertia_and_a_late_torque(half):
     assert not any("column lags" in message for message in found.messages)
 
 
+@pytest.mark.slow
 def test_torque_that_is_there_seldom_is_no_outlier():
     """A drive that is pushed is not called adequate."""
     t = 2e-3 * np.arange(6_000)

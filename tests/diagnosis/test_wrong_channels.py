@@ -87,6 +87,7 @@ def test_an_offset_of_the_torque_of_one_run_is_no_missing_effect(runs):
     assert found.verdict == "adequate"
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize(
     "factors, said",
     [

@@ -38,6 +38,7 @@ def ran(system, count: int, wide: bool, monkeypatch, samples: int = 60, blow_up:
     return made.run(x0, np.arange(count), samples, u, p, dt=DT, y=y, gain=gain, substeps=3)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("law", FRICTION)
 @pytest.mark.parametrize("effect", WIDE)
 def test_the_same_numbers_as_one_after_another(law, effect, monkeypatch) -> None:

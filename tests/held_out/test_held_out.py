@@ -7,6 +7,7 @@ from . import questions
 from .rig import leftover, simulate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 3])
 def test_the_torque_balance_of_a_plain_motion_holds(seed):
     _, made, _ = questions.asked(seed, "sound")

@@ -34,6 +34,7 @@ def compare(seed, count=50):
         assert len({id(c) for c in near}) == len(stable)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("seed", [2, 12, 13])
 def test_a_drawn_loop_agrees_with_another_simulation(seed):
     compare(seed, 20)

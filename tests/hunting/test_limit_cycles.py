@@ -40,6 +40,7 @@ def test_the_published_loop_with_set_valued_friction():
     assert cycle.multipliers[0] == pytest.approx(0.1085**2, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_published_loop_with_bristles():
     model = lg.Model.of(friction="lugre", **LAW, sigma0=1e5, sigma1=1e5**0.5)
     found = lg.limit_cycles(model, **PID)

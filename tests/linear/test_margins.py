@@ -183,6 +183,7 @@ def test_beyond_the_band_the_gain_margin_is_a_least_one():
     assert "at least 4.796 if |L| stays below its last value" in found.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["exact", "floating", "measured", "late"])
 def test_disk_margins_are_those_of_their_definition(kind):
     w = np.geomspace(1e-3, 1e3, 3000)

@@ -323,6 +323,7 @@ def pool() -> Iterator[ProcessPoolExecutor]:
         yield made
 
 
+@pytest.mark.slow
 def test_processes_of_the_users(pool: ProcessPoolExecutor) -> None:
     here = lg.sweep(lag(), T, 1.0, TABLE, states=True)
     there = lg.sweep(lag(), T, 1.0, TABLE, states=True, executor=pool, chunk=2)

@@ -87,6 +87,7 @@ def test_a_feedback_of_the_wrong_sign_warns_and_names_the_controller(made):
         lg.simulate(made(), T[:10], {"r": 0.1})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "made",
     [
