@@ -464,12 +464,12 @@ def observer_gain(
     scale = np.full(n, size[0] / dt if 0 in seen else size[0])  # else it is ill-conditioned
     scale[0] *= dt
     a, push = step[:n, :n] * scale / scale[:, None], jump * step[:n, n] / scale
-    P, both = np.zeros((n, n)), np.ix_(kept, kept)
+    P, both = np.zeros((n, n)), (kept[:, None], kept)
     P[both] = _riccati(a[both], (H * scale / size[:, None])[:, kept], np.outer(push, push)[both])
     P *= np.outer(scale, scale)
     S = H @ P @ H.T + np.diag(size**2)
     gain, covariance = np.zeros((n, 2)), np.eye(2)
-    gain[:, seen], covariance[np.ix_(seen, seen)] = P @ H.T @ np.linalg.inv(S), S
+    gain[:, seen], covariance[seen[:, None], seen] = P @ H.T @ np.linalg.inv(S), S
     return gain, covariance
 
 
@@ -600,7 +600,7 @@ def _at_top(space: _Space, begun: Fit) -> tuple[Fit, Joint]:
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
     names, rates = tuple(space.keys[i] for i in at), space.rates(fit.values)
     found, matrix = np.array([fit.values[k] for k in names]), C * np.outer(rates, rates)
-    return fit, Joint(names, found, matrix[np.ix_(at, at)], space.log[at])
+    return fit, Joint(names, found, matrix[at[:, None], at], space.log[at])
 
 
 class _Space:

@@ -103,7 +103,6 @@ def test_friction_that_governs_a_log_is_warned_of():
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_the_other_effects_of_the_model_are_taken_out():
     drive = drives.draw(12)
     log = drives.log(drive, 12.0)

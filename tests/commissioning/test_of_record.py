@@ -119,7 +119,6 @@ def _weight(t, w):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("effect", [_drift, _weight])
 def test_effects_on_the_level_of_friction_are_taken_out(effect):
     one = log()
