@@ -161,8 +161,13 @@ class Shown:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        rows = tuple((row.name, row.text() or NONE) for row in self._rows())
-        table = grid_html(Grid(("", ""), "ll", rows)) if rows else ""
+        left = "text-align: left; vertical-align: top"  # Jupyter's own is to the right
+        rows = "\n".join(
+            f'<tr><td style="{left}; white-space: nowrap">{html.escape(row.name)}</td>'
+            f'<td style="{left}">{html.escape(row.text() or NONE)}</td></tr>'
+            for row in self._rows()
+        )
+        table = f"<table><tbody>\n{rows}\n</tbody></table>" if rows else ""
         return f"<div><strong>{html.escape(self._title())}</strong>\n{table}</div>"
 
 
