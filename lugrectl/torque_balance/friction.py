@@ -21,6 +21,7 @@ from ..blocks.block import Block, members
 from ..blocks.friction import along as bristle
 from ..blocks.friction import free_level, level, strokes
 from ..blocks.model import Model
+from ..core.errors import Refused
 from ..core.numeric import rms
 from ..core.regression import TINY, Blocks, Prior, log_density, robust, spread
 from . import constants as const
@@ -30,6 +31,8 @@ from .windows import Rows
 
 FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "turn", "smear")
 IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declared law
+NO_ROWS = "no windows in motion are left: the samples are {:.3g} s apart."
+UNIT_OF_T = "Check the unit of t, or record faster."
 SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
 
 
@@ -330,6 +333,8 @@ class View:
 
     def choose(self, scale: float | None, beside: Any = None) -> float:
         """Settle bristle length and Stribeck speed, ``beside`` a contender; the residual scale."""
+        if not len(self.y):
+            raise Refused(NO_ROWS.format(self.motion.dt), UNIT_OF_T)
         lengths, speeds = (x.tolist() for x in self.grids())
         if scale is None:
             base = self.base(lengths[len(lengths) // 2], speeds[0])
