@@ -26,7 +26,8 @@ _INDENTED: Any = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One block of a list, as it is declared, in the units of a rotary drive."""
+    """One block of a list, as it is declared: ``parameters`` maps a name to its :class:`P`, in the
+    units of a rotary drive."""
 
     name: str
     kind: str
@@ -60,7 +61,10 @@ class Entry:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Plain Python, None for infinity: what ``lugrectl effects NAME --json`` prints."""
+        """Plain Python, None for infinity: what ``lugrectl effects NAME --json`` prints.
+
+        ``strength`` names the parameter whose neutral value switches an effect off.
+        """
         own = {k: picked(p, "value low high neutral unit") for k, p in self.parameters.items()}
         facts = picked(self, "name equation") | {"parameters": own, "source": self.source or None}
         facts |= {"about": self.about}
@@ -138,7 +142,7 @@ class Catalogue(NamedRows[Entry]):
         return [entry.summary() for entry in self._rows]
 
     def to_frame(self) -> Any:
-        """A pandas DataFrame with one row for each entry, its name as index."""
+        """A DataFrame, a row for each entry with its name as index; InputError without pandas."""
         pandas, head = library("pandas"), ["name", "equation", "parameters", "source"]
         rows = [(e.name, e.equation, _labels(e), e.source) for e in self._rows]
         return pandas.DataFrame(rows, columns=pandas.Index(head)).set_index("name")

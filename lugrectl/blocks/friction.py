@@ -75,7 +75,7 @@ class Bristles(SimpleNamespace):
         return relaxation(w, self.sigma0, self.level(w))
 
     def rate(self, w: Any, z: Any) -> Any:
-        return w - self.relaxation(w) * z
+        return bristle(w, z, self.sigma0, self.Fc, self.Fs, self.vs)
 
     def torque(self, w: Any, z: Any, dz: Any) -> Any:
         return bristle_torque(w, z, dz, self.sigma0, self.sigma1, self.Fv)

@@ -28,7 +28,6 @@ from ..core.validation import (
     within,
 )
 from ..core.writing import write_whole
-from . import effects as every_effect  # noqa: F401  fills the registry
 from .block import Block, P, is_ours, members, unit_for
 from .declaration import block_named, files_of_blocks, load_named, meant, name_of
 from .friction import J as J_DECLARATION
@@ -196,6 +195,7 @@ class Parameters(Shown):
             object.__setattr__(self, key, value)
 
     def friction(self) -> dict[str, float]:
+        """All values but J, by name, in the units above."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "J"}
 
     def _rows(self) -> Iterable[Row]:
@@ -325,13 +325,16 @@ class Model(Shown):
         return changed(given, changes, "Model.of") if changes else as_model(given)
 
     def values(self) -> dict[str, float | None]:
+        """All values by name, in the units of :meth:`unit`; None is to be identified."""
         own = {f"{part.key}.{k}": v for part in self.effects for k, v in part.values.items()}
         return {"J": self.J, **self.friction.values, **own}
 
     def part(self, key: str) -> Part:
+        """The declared effect with this key."""
         return next(part for part in self.effects if part.key == key)
 
     def known(self) -> dict[str, float]:
+        """The values that are not to be identified, by name."""
         return {k: v for k, v in self.values().items() if v is not None}
 
     def fix(self, *names: str, what: str = "fix") -> Model:
@@ -345,6 +348,7 @@ class Model(Shown):
         return made
 
     def held(self) -> set[str]:
+        """The names of the values that a fit leaves as they are."""
         return {k for k, one in self.stated.items() if one.fixed}
 
     def kept(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -407,12 +411,15 @@ class Model(Shown):
         return {"J": J_DECLARATION, **self.friction.block.parameters, **own}
 
     def bounds(self, key: str) -> tuple[float, float]:
-        """Where a value may lie: by its declaration, and as the model states it."""
+        """Where a value may lie: by its declaration, and as the model states it; KeyError for a
+        name that is not in :meth:`values`."""
         p, one = self.declarations()[key], self.stated.get(key, Stated())
         low = p.low if one.low is None else max(p.low, one.low)
         return low, p.high if one.high is None else min(p.high, one.high)
 
     def unit(self, key: str) -> str:
+        """The SI unit of a value, "1" for none; KeyError for a name that is not in
+        :meth:`values`."""
         p = self.declarations()[key]
         return p.unit if p.angle else unit_for(p.unit, self.motion)
 

@@ -296,10 +296,8 @@ class Called:
 
     def _function(self, nodes: Sequence[Node]) -> Callable[..., list[float]]:
         """The values of nodes at t, x, u, with the held values before a tick, q and flags."""
-        flow, section = (
-            self.hybrid.flow,
-            Section([f"row{i}" for i in range(len(nodes))], nodes, "v"),
-        )
+        flow = self.hybrid.flow
+        section = Section([f"row{i}" for i in range(len(nodes))], nodes, "v")
         read = [name for name in sorted(symbols_in(nodes)) if name != "t"]
         lines = [f"{name} = {name[0]}[{name[1:]}]" for name in read] + section.lines(True)
         lines += [f"return [{', '.join(section.names)}]"]

@@ -370,12 +370,7 @@ def run(
                                 m{i} = new if farthest < inf else side{i}
                     each rest:
                         events += on{i} != was{i}
-                    each move:
-                        if on{i} > 0.0:
-                            {name} -= a{i} * move{j}_{i}
-                    each rest:
-                        if on{i} > 0.0:
-                            a{i} = 0.0
+                    code zeroed
             if fresh:
                 fresh = False
                 each shown:
@@ -473,12 +468,7 @@ def run(
                 a{i} = l{i}
             each state:
                 {name} = n{i}
-            each move:
-                if on{i} > 0.0:
-                    {name} -= a{i} * move{j}_{i}
-            each rest:
-                if on{i} > 0.0:
-                    a{i} = 0.0
+            code zeroed
             each state:
                 z = abs({name})
                 if z > size{i}:
@@ -511,6 +501,15 @@ def run(
         sizes[3 * {i} + 1], sizes[3 * {i} + 2] = top{i}, fell{i}
     status[4] = steps
     return 0
+"""
+
+# what keeps the switching functions of rests from zero is removed from the states
+_ZEROED = """each move:
+    if on{i} > 0.0:
+        {name} -= a{i} * move{j}_{i}
+each rest:
+    if on{i} > 0.0:
+        a{i} = 0.0
 """
 
 
@@ -547,6 +546,7 @@ def run_code(hybrid: Hybrid, kind: str) -> str:
     }
     lines = {key: section.lines(guarded) for key, section in sections.items()}
     lines["fixed"] = [line for section in sections.values() for line in section.emitter.head]
+    lines["zeroed"] = written(_ZEROED, groups, {}).splitlines()
     return written(
         _RUN,
         groups,

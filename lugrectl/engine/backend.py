@@ -35,7 +35,7 @@ from ..core.blas_threads import processors
 from ..core.errors import InputError
 from ..core.writing import whole
 from .graph import LIBRARY, WIDTH
-from .python_source import ARRAY_HEADER, SCALAR_HEADER
+from .python_source import SCALAR_HEADER
 
 
 def cache_dir() -> Path:
@@ -489,11 +489,18 @@ from numpy import floor as floored
 fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 small = njit(error_model="numpy", fastmath={"contract"})
 """
-_FAST = "\n\ndef fast(function):\n    return function\n"
+PYTHON_HEADER = """import numpy as np
+
+
+def fast(function):
+    return function
+
+
+small = fast
+"""
 HEADERS: Mapping[str, str] = {
     "numba": SCALAR_HEADER + NUMBA_HEADER,
-    "python": SCALAR_HEADER + "import numpy as np\n" + _FAST + "\n\nsmall = fast\n",
-    "numpy": ARRAY_HEADER + _FAST,
+    "python": SCALAR_HEADER + PYTHON_HEADER,
 }
 FLAGS = {"c": PLAIN, "fused": FUSED, "wide": WIDE}
 
@@ -524,8 +531,8 @@ def kind_of(backend: str) -> str:
 
 def load(source: str, backend: str) -> ModuleType:
     """The module of a source text; ``fast`` marks the functions that numba compiles, ``small``
-    those that only these call. ``backend`` is "numba", "python" (not compiled), "numpy", or, for
-    the last function in C, "c", "fused" (a product and a sum are rounded once) or "wide"."""
+    those that only these call. ``backend`` is "numba", "python" (not compiled), or, for the last
+    function in C, "c", "fused" (a product and a sum are rounded once) or "wide"."""
     text = HEADERS.get(backend, "") + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     with _LOADING:  # another thread must not see a partly loaded module

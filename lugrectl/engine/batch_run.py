@@ -89,18 +89,22 @@ class Lanes:
         ``rounding`` (N, ny) and (ny,) are the part of a correction to leave out, and the size up to
         which. A step with an error above ``rtol`` of the largest value of a state in the lane, at
         least ``floor``, is divided (inf: never). A lane that diverges ends in inf or nan.
+        InputError where the shapes do not fit together or a lane leaves the record.
         """
         x0, p, u = (np.asarray(a, dtype=float) for a in (x0, p, u if np.ndim(u) == 3 else [u]))
         count, ny, wanted = len(x0), len(self.outputs), (self.states, self.parameters, self.inputs)
         if [x0.shape[1], p.shape[1], u.shape[2], len(p)] != [*map(len, wanted), count]:
             raise InputError("x0, p and u need a column for each state, parameter and input.")
         start, series, t0 = (np.broadcast_to(np.asarray(a), (count,)) for a in (start, series, t0))
-        if np.any(start < 0) or np.any(start > u.shape[1] - length):
-            raise InputError("a lane leaves the record.")
+        for first, most in ((start, u.shape[1] - length), (series, len(u) - 1)):
+            if np.any(first < 0) or np.any(first > most):
+                raise InputError("a lane leaves the record.")
         if y is None or gain is None:
             y, gain = np.empty((0, ny)), np.empty((0, len(self.states), ny))
-        elif gain.ndim == 2:
-            gain = np.broadcast_to(gain, (count, *gain.shape))
+        else:
+            gain = np.broadcast_to(gain, (count, len(self.states), ny))
+            if np.shape(y) != (u.shape[1], ny):
+                raise InputError("y needs the samples of u, and a column for each output.")
         dull, half = (np.empty((0, ny)), np.zeros(ny)) if rounding is None else rounding
         floor = np.broadcast_to(np.asarray(floor, dtype=float), (len(self.states),))
         given = (x0, start, int(length), u, series, p, y, gain, gain.size > 0, dull, half)

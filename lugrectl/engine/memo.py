@@ -13,7 +13,17 @@ from ..core.block_system import PICKLED, own_functions
 from ..core.errors import InputError
 from .adaptive_run import Engine, chosen_backend
 from .graph import symbols_in
-from .tracer import AGAIN, Differs, Hybrid, Net, check, single, smooth_keys, traced_net
+from .tracer import (
+    AGAIN,
+    Differs,
+    Hybrid,
+    Net,
+    check,
+    is_number,
+    single,
+    smooth_keys,
+    traced_net,
+)
 
 PLAIN = (*PICKLED, ct.LinearICSystem)
 
@@ -72,10 +82,6 @@ def _equations(block: Any) -> Any:
 def _array(value: Any) -> Any:
     array = np.asarray(value)
     return (array.shape, array.dtype.str, array.tobytes()) if array.dtype.kind in "biuf" else None
-
-
-def is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
 
 
 MOST = 400  # compiled codes that are kept

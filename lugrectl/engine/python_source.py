@@ -1,4 +1,4 @@
-"""Straight-line code for expressions: for floats with ``math``, or for arrays with NumPy."""
+"""Straight-line code for expressions of floats: with ``math``, or with NumPy where that raises."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ SCALAR_HEADER = """from math import (
 )
 from math import floor as floored
 """
-ARRAY_HEADER = "import numpy as np\nfrom numpy import inf, nan\n"
 
 _INFIX = {"add", "subtract", "multiply", "divide", "negative"}
 _LONGEST = 70
@@ -33,7 +32,7 @@ _NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
 class Emitter:
     """Writes each node once, what depends on ``fixed`` symbols only into ``head``.
 
-    ``kind`` is "scalar", "array", or "wide": for floats, in a form that can be vectorised.
+    ``kind`` is "scalar", "numpy" (with its functions), or "wide": in a form that can be vectorised.
     ``prefix`` begins the names of the variables.
     """
 
@@ -77,7 +76,7 @@ class Emitter:
             return f"called[{node.value}]({', '.join(['{}'] * len(node.args))})"
         if node.op == "item":
             return f"{{}}[{node.value}]"
-        if self.kind == "array":
+        if self.kind == "numpy":
             return f"np.{node.op}({', '.join(['{}'] * len(node.args))})"
         return _OWN.get((self.kind, node.op), OPS[node.op])
 
@@ -117,7 +116,7 @@ class Section:
 
     def robust(self) -> str:
         """The same code as a function that returns inf or nan where ``math`` would raise."""
-        emitter = Emitter("array", self.prefix)
+        emitter = Emitter("numpy", self.prefix)
         values = "".join(f"{code}, " for code in emitter.write(self.nodes))
         lines = [f"{name} = np.float64({name})" for name in sorted(symbols_in(self.nodes))]
         lines += [*emitter.body, f"return [float(v) for v in ({values})]"]

@@ -10,8 +10,8 @@ import numpy as np
 
 from .adaptive_run import Accuracy, Called, Course, Engine, warn_unsettled
 from .graph import Node, TraceError, affine
-from .memo import ALONE, described, is_number
-from .tracer import Net, traced_net
+from .memo import ALONE, described
+from .tracer import Net, is_number, traced_net
 
 ERROR = Accuracy(1e-6)  # allowed in a substep, relative to the largest value of each state
 

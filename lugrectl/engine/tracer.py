@@ -44,6 +44,11 @@ def is_wired(system: Any) -> bool:
     return hasattr(system, "syslist")
 
 
+def is_number(value: Any) -> bool:
+    """Whether a parameter has a number as its value."""
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """A block, its signals in the net, and the number of its sample time, None for none."""
@@ -426,7 +431,7 @@ class _Tracer:
     def _symbol(self, block: Any, key: str) -> Any:
         """The symbol of a numeric parameter: blocks with equal key and value share it."""
         value = block._current_params[key]
-        if not isinstance(value, (int, float, np.number)) or isinstance(value, bool):
+        if not is_number(value):
             return value
         node = self.graph.symbol(f"p{len(self.slots)}")
         width = widths(block).get(key, 0.0)

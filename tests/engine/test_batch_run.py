@@ -36,8 +36,8 @@ def runs(system, backend: str, count: int = 3, samples: int = 100, **options):
     indirect=["backend"],
 )
 def test_all_backends_give_the_same_numbers(make, backend: str) -> None:
-    compiled, arrays = runs(make(), backend), runs(make(), "python")
-    for a, b in zip(compiled, arrays, strict=True):
+    compiled, plain = runs(make(), backend), runs(make(), "python")
+    for a, b in zip(compiled, plain, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-12)
 
 
@@ -136,7 +136,10 @@ def test_wrong_shapes_are_said() -> None:
     for x0, given in ((np.zeros((1, 2)), u), (np.zeros((1, 3)), u[:, :1])):
         with pytest.raises(InputError, match="a column for each state, parameter and input"):
             lanes.run(x0, 0, 5, given, p, dt=DT)
-    with pytest.raises(InputError, match="leaves the record"):
-        lanes.run(np.zeros((1, 3)), 6, 5, u, p, dt=DT)
+    for start, series in ((6, 0), (0, 1)):
+        with pytest.raises(InputError, match="leaves the record"):
+            lanes.run(np.zeros((1, 3)), start, 5, u, p, dt=DT, series=series)
+    with pytest.raises(InputError, match="y needs the samples of u"):
+        lanes.run(np.zeros((1, 3)), 0, 5, u, p, dt=DT, y=np.zeros((4, 3)), gain=np.zeros((3, 3)))
     with pytest.raises(InputError, match="no output 'q'"):
         Lanes(lg.plant(lg.table1()), outputs=["q"])

@@ -168,7 +168,7 @@ def test_lanes_are_what_simulate_returns(law):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["coulomb", "stribeck"])
-def test_one_lane_many_lanes_and_numpy_stop_at_the_same_places(law):
+def test_one_lane_many_lanes_and_plain_python_stop_at_the_same_places(law):
     t, u, motion = exact(law, "pulses", 500)
     for backend, count in ((None, 1), (None, 9), ("python", 2)):
         assert np.abs(run(lanes_of(law, backend), law, u, t[1], count) - motion).max() < 1e-4
