@@ -298,7 +298,7 @@ def hunting_chance(
         Chance.of(fates),
         tuple(amplitudes[fates == HUNTS].tolist()),
         tuple(periods[fates == HUNTS].tolist()),
-        "rad" if beliefs[0].model.motion == "rotary" else "m",
+        unit_of("position", beliefs[0].model),
         {k: v for k, v in loop.items() if v is not None},
     )
 

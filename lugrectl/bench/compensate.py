@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..blocks import controllers
-from ..blocks.block import Block, unit_for
+from ..blocks.block import Block
 from ..blocks.controllers import dead_time
 from ..blocks.declaration import name_of
 from ..blocks.model import Model, as_model, values_of
@@ -25,6 +25,7 @@ from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.result import Result, library, picked, plain
+from ..core.unit_names import si_unit
 from ..core.validation import array, number, positive, shown, whole
 from ..core.views import view
 from ..design import Certificate, certify, design_gains
@@ -223,7 +224,6 @@ class _Resisting:
 
 
 FASTEST = 1.5  # of the largest speed of the reference
-TURNS = {"velocity": "rad/s", "position": "rad"}
 
 
 @dataclass(frozen=True)
@@ -273,9 +273,10 @@ def quantiles(values: Any, shares: Any, method: Any = "linear") -> list[float]:
 
 def unit_of(loop: Any, model: Model) -> str:
     """Return the unit of the errors of a loop; InputError for one that is not known."""
-    if not isinstance(loop, str) or loop not in TURNS:
-        raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(TURNS)}.")
-    return unit_for(TURNS[loop], model.motion)
+    known = controllers.MEASURED
+    if not isinstance(loop, str) or loop not in known:
+        raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(known)}.")
+    return si_unit(known[loop], model.motion)
 
 
 class SampledLoop:
@@ -398,7 +399,7 @@ def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
 def designed(
     model: Model, name: str, dt: float, speed: float, **more: float
 ) -> tuple[dict[str, Any], Certificate]:
-    usual = {"dt": dt, "M": 1.5 * speed, "speed": speed, "w0": 0.2 * speed} | more
+    usual = {"dt": dt, "M": FASTEST * speed, "speed": speed, "w0": 0.2 * speed} | more
     choices = RULES[name].choices if name in RULES else {}
     own: dict[str, Any] = {k: v for k, v in usual.items() if k in choices}
     design = design_gains(values_of(model), observer=name, **own)

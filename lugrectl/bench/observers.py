@@ -33,7 +33,7 @@ from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
 from ..engine.adaptive_run import interpreted
 from ..estimates.fitted import Fitted
-from ..loops.friction_loops import OUTPUTS, Control, connected, crossing, read_of
+from ..loops.friction_loops import LAM, OUTPUTS, Control, connected, crossing, read_of
 from ..record.as_record import as_record
 from ..simulation.response import simulate
 from ..simulation.sampled_block import Sensing, rounded
@@ -346,9 +346,6 @@ def _chosen_scenarios(wanted: Any) -> set[str]:
     if not given:
         raise InputError(f"scenarios is an empty list: give some of {', '.join(SCENARIOS)}.")
     return set(given)
-
-
-LAM = 20.0  # 1/s, of the sliding error in a position loop
 
 
 @dataclass(frozen=True)

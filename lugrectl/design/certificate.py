@@ -227,9 +227,21 @@ def constant_certificate(
     P = np.array([[A, B / 2.0], [B / 2.0, C]])
     Q0, Q1 = (-(P @ M + M.T @ P) for M in error_matrices(m, K1, K2))
     Q1[0, 1] = Q1[1, 0] = 0.0  # exactly, by the choice of B
-    constants = (A, B, C, K2 / m.J, "1/s", beta)
-    pole = slowest_pole(m, K1, K2)
-    made = Certificate(True, lemma, conditions, pole, None, *constants, P, Q0, Q1)
+    made = Certificate(
+        holds=True,
+        lemma=lemma,
+        conditions=conditions,
+        pole_at_rest=slowest_pole(m, K1, K2),
+        A=A,
+        B=B,
+        C=C,
+        alpha=K2 / m.J,
+        alpha_unit="1/s",
+        beta=beta,
+        P=P,
+        Q0=Q0,
+        Q1=Q1,
+    )
     rate = float(made.rate_at(0.0))
     return replace(made, rate=rate) if K1 < 0.0 < K2 and m.sigma1 > 0.0 and rate > 0.0 else made
 
@@ -298,7 +310,7 @@ def certify(p: Any, K1: float, K2: float) -> Certificate:
         return Certificate(False, "certify", (reason, MATCHED), pole)
     first = "K1 < 0 < K2 and sigma1 > 0"
     if not (K1 < 0.0 < K2 and m.sigma1 > 0.0):
-        first = "no rate: K1, K2 or sigma1 is 0, so that some motion leaves an error as it is"
+        first = "no rate: K1, K2 or sigma1 is 0, and no V of this form decays at every speed"
     weight = (m.sigma1 / m.J) ** 2 or 1.0  # beta/(2 C) of the best V
     if K1:
         d1, d2 = -K1 * m.sigma1 / m.J, K2 / m.J

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
@@ -83,7 +83,8 @@ def _improved(corners: Sequence[np.ndarray], P: np.ndarray) -> tuple[float, np.n
     x = np.linalg.cholesky(P)[lower]
     for _ in range(ROUNDS):
         x = minimize(missed, x, method="Nelder-Mead", options={"maxiter": 600}).x
-    return -missed(x), matrix(x) / np.trace(matrix(x))
+    made = matrix(x)
+    return -missed(x), made / np.trace(made)
 
 
 SPEED = 1.0  # rad/s, up to which a certificate that has a limit holds, unless given
@@ -486,9 +487,21 @@ class Design(Result):
         return own | {"certificate": self.certificate.summary()}
 
 
+@overload
+def design_gains(
+    p: Any, method: str = ..., *, observer: Literal["proposed"] = ..., **choices: float
+) -> Design: ...
+
+
+@overload
+def design_gains(
+    p: Any, method: str = ..., *, observer: str, **choices: float
+) -> Design | ObserverDesign: ...
+
+
 def design_gains(
     p: Any, method: str = "constant", *, observer: str = "proposed", **choices: float
-) -> Any:
+) -> Design | ObserverDesign:
     """Gains of an observer by its design rule, with a certificate of what they guarantee.
 
     Parameters
@@ -615,12 +628,13 @@ def _scheduled(m: Any, c: Choices) -> Made:
             "sigma1 > 0",
             "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
         )
+    constants: Any = {"A": A, "B": 0.0, "C": C, "alpha": alpha, "alpha_unit": "N m s/rad"}
     certificate = Certificate(
-        True,
-        "lemma4" if M is None else "lemma5",
-        (*said, MATCHED),
-        slowest_pole(m, K1.offset, at_rest),
-        *(None, A, 0.0, C, alpha, "N m s/rad", None),
+        holds=True,
+        lemma="lemma4" if M is None else "lemma5",
+        conditions=(*said, MATCHED),
+        pole_at_rest=slowest_pole(m, K1.offset, at_rest),
+        **constants,
         P=np.diag([A, C]),
         Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
         Q1=np.diag([2.0 * A, 0.0]),

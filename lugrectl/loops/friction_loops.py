@@ -42,6 +42,7 @@ SEEN = ("theta", "w", "u", "e", "r", "s")
 READ = ("theta", "w", "e", "r", "dr", "ddr", "s", "ar")
 SLIDING = ("s", "ar")
 USUAL = ("K1", "K2", "k")
+LAM = 20.0  # 1/s, of the sliding error in a position loop, unless given
 ARGUMENTS = (  # of a loop
     *("observer", "kp", "ki", "kd", "tau", *USUAL, "gains", "observer_parameters", "load"),
     *("prefilter", "feedforward", "limit", "tracking", "controller", "controller_gains", "name"),
@@ -137,7 +138,7 @@ def _fits(made: Block, offered: Sequence[str]) -> None:
 def error_s(
     kind: str, gains: Mapping[str, Any] | None, names: Mapping[str, str]
 ) -> ct.NonlinearIOSystem:
-    lam = mapped(gains, "controller_gains").get("lam", 20.0)
+    lam = mapped(gains, "controller_gains").get("lam", LAM)
     measured = ["theta", "w"] if kind == "position" else ["w"]
     wanted = [*measured, *("r", "dr", "ddr")[: 1 + len(measured)]]
     return sliding_error(lam, kind, inputs=[names.get(k, k) for k in wanted])

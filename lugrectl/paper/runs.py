@@ -20,6 +20,7 @@ import lugrectl as lg
 from .. import report
 from ..core.display import NONE, Grid, Row, Shown, number, show_poles
 from ..core.errors import Diverged, InputError
+from ..core.numeric import rms
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.provenance import Provenance
 from ..core.result import Fields, Result, picked, plain
@@ -338,11 +339,6 @@ def within(t: np.ndarray, window: tuple[float, float]) -> np.ndarray:
     return (t >= window[0] - slack) & (t <= window[1] + slack)
 
 
-def rms(t: np.ndarray, y: np.ndarray, window: tuple[float, float]) -> float:
-    """Root of the mean square of the samples in a window."""
-    return float(np.sqrt(np.mean(np.square(y[within(t, window)]))))
-
-
 def run(p: lg.Parameters, study: Study, tick: Callable[[str], None]) -> Outcome:
     """All cases of a study under all its compensations."""
     rows, traces, drawn = list[Errors](), {}, study.drawn
@@ -352,8 +348,8 @@ def run(p: lg.Parameters, study: Study, tick: Callable[[str], None]) -> Outcome:
             with contextlib.suppress(Diverged):
                 t, y = respond(p, study.loop, study.controller, c, case)
                 for row in own:
-                    row.rms[c.name] = rms(t, y[row.measure.signal], row.measure.window)
-                if drawn and i == drawn.case and c.name in (drawn.columns or c.name):
+                    row.rms[c.name] = rms(y[row.measure.signal][within(t, row.measure.window)])
+                if drawn and i == drawn.case and (not drawn.columns or c.name in drawn.columns):
                     inside = within(t, drawn.span)
                     traces[c.name] = t[inside], y[drawn.signal][inside]
             for row in own:
@@ -385,7 +381,8 @@ def figure(p: lg.Parameters, loop: str) -> PaperFigure:
         f"friction, {studies.PROPOSED.label}": compensated[measure.signal],
     }
     said = f"{text} {CHOSEN}, observer parameters exact, all states 0 at the start."
-    errors = {name: rms(t, y - r, measure.window) for name, y in responses.items()}
+    inside = within(t, measure.window)
+    errors = {name: rms((y - r)[inside]) for name, y in responses.items()}
     return PaperFigure(loop, said, measure.unit, measure.window, t, r, responses, errors)
 
 

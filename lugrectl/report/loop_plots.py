@@ -27,8 +27,12 @@ COLOURS = {"none": QUIET, "before": BEFORE, "after": AFTER}
 _WAYS = (("w > 0", AFTER), ("w < 0", BEFORE))
 _POINTS = 1000  # quantiles of a sweep are computed at this many times at most
 UNSTABLE = "#5b6675"
-REGIONS = ("quiet", "can be started", "hunting", "undecided")
-COLOURED = ("#cfe8d5", "#f7e3b0", "#f0b8ae", "#d5d5dd")
+REGIONS = {
+    "quiet": "#cfe8d5",
+    "can be started": "#f7e3b0",
+    "hunting": "#f0b8ae",
+    "undecided": "#d5d5dd",
+}
 MOST = 10.0  # |D| that is drawn: beyond it are rest and growth without a stick
 
 
@@ -151,9 +155,9 @@ def regions(found: Any, ax: Axes) -> Axes:
     from matplotlib.patches import Patch
 
     (one, two), (first, second) = found.names, found.values
-    colours = ListedColormap(COLOURED)
+    colours = ListedColormap(list(REGIONS.values()))
     ax.pcolormesh(first, second, found.region.T, cmap=colours, vmin=0, vmax=3, shading="nearest")
-    pairs = zip(REGIONS, COLOURED, strict=True)
+    pairs = REGIONS.items()
     marks: list[Any] = [Patch(facecolor=c, edgecolor="0.5", label=name) for name, c in pairs]
     if one in found.gains and two in found.gains:
         at = ([found.gains[one]], [found.gains[two]])

@@ -10,6 +10,7 @@ from typing import Any
 from ..blocks.block import members, unit_for
 from ..blocks.model import model_toml
 from ..core.display import NONE, Grid, between, number, with_interval
+from ..core.numeric import Z95
 from ..estimates.findings import AGAINST_HELD
 from .page import Section
 
@@ -51,7 +52,7 @@ def _known(e: Any, p: Any) -> str:
         return ""
     if e.ci95 is None or not all(map(math.isfinite, e.ci95)):
         return "not determined" if not e.together else f"only {e.together}"
-    return f"std {number((e.ci95[1] - e.ci95[0]) / 3.92, 2)}"
+    return f"std {number((e.ci95[1] - e.ci95[0]) / (2.0 * Z95), 2)}"
 
 
 def equation(name: str) -> str:
@@ -150,9 +151,10 @@ def _effect(d: Any, finding: Any) -> Section:
 
 def _table(d: Any) -> Section | None:
     table = _get(d, "table")
-    said = "{}: not part of the model file; table.block() makes a block of it."
-    lines = () if table is None else (said.format(table.name),)
-    return _as_shown("Residual torque as a table", table, lines)
+    if table is None:
+        return None
+    said = f"{table.name}: not part of the model file; table.block() makes a block of it."
+    return _as_shown("Residual torque as a table", table, (said,))
 
 
 def _compensation(d: Any) -> Section | None:
@@ -165,10 +167,8 @@ def _compensation(d: Any) -> Section | None:
     return _as_shown("Compensation in simulation", c, (*lines, *map(_sentence, c.messages)))
 
 
-def _as_shown(title: str, one: Any, lines: tuple[str, ...]) -> Section | None:
+def _as_shown(title: str, one: Any, lines: tuple[str, ...]) -> Section:
     """A result of its own in a report, with the rows that it shows itself with."""
-    if one is None:
-        return None
     rows = [(row.name, row.text()) for row in one._rows() if row.name not in ("message", "more")]
     return Section(title, lines, Grid(("", ""), "ll", tuple(rows)))
 
