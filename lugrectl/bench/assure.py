@@ -27,7 +27,7 @@ from ..core.jobs import JobError, run_jobs
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import Fields, Result, plain
-from ..core.validation import number, positive, share, whole
+from ..core.validation import not_negative, positive, share, whole
 from ..core.views import view
 from ..estimates.fitted import Belief, Fitted, Members, refuse_unknown
 from ..hunting.hunt import limit_cycles
@@ -608,9 +608,7 @@ def _sensing(
     rate = seen.get("rate") if rate is None else positive(rate, "rate", "Hz")
     if rate is None:
         raise InputError("rate is missing: the result has no record; give the drive's in Hz.")
-    late = number(dead_time or 0.0, "dead_time")
-    if late < 0.0:
-        raise InputError(f"dead_time = {late:g} is negative.")
+    late = not_negative(dead_time or 0.0, "dead_time")
     step = seen.get("resolution") or 0.0
     if counts is not None:
         step = (2.0 * np.pi if motion == "rotary" else 1.0) / whole(counts, "counts", 1)

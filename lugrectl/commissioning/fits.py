@@ -303,6 +303,8 @@ def _solve(y: np.ndarray, X: np.ndarray, Z: np.ndarray, free: int) -> tuple[comp
     return p[0], float(np.sqrt(noise * np.sum(np.abs(inverse[0]) ** 2))), noise
 
 
+DISC = np.sqrt(-np.log(0.05))  # deviations to the radius of a 95 % disc
+LOW = 4.0  # times the lowest frequency: where the axis is a free inertia
 PAIRS = 3
 LEAST_DEVIATION = 0.01  # of P, of a point: what the model of the mechanics leaves out
 NEIGHBOURS = 4  # points that share data: windows overlap by half
@@ -462,7 +464,7 @@ class Mechanics:
     def radius(self, w: np.ndarray) -> np.ndarray:
         """Of the 95 % disc of the response, as a share of it."""
         made = np.concatenate(self._errors) @ _log_response(self.x, w, self.dt)[1].T
-        return np.sqrt(-np.log(0.05) * np.sum(np.abs(made) ** 2, axis=0))
+        return DISC * np.sqrt(np.sum(np.abs(made) ** 2, axis=0))
 
     def modes(self) -> tuple[Mode, ...]:
         """Every antiresonance and resonance within the measured frequencies, with intervals."""
@@ -510,6 +512,11 @@ def _log_response(x: np.ndarray, w: np.ndarray, dt: float) -> tuple[np.ndarray, 
     return made, np.array(rates).T
 
 
+def is_low(w: np.ndarray) -> np.ndarray:
+    """Whether each of ascending frequencies shows a free inertia: the first six always do."""
+    return w <= max(LOW * w[0], w[min(5, len(w) - 1)])
+
+
 def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics:
     """The model with the number of pairs that BIC prefers; unknown where too little is seen.
     ``raw`` is the response with friction."""
@@ -518,7 +525,7 @@ def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics:
         return Mechanics.unknown(dt)
     w, P = found.w[at], found.P[at]
     deviation = np.maximum(found.sd[at] / np.abs(P), LEAST_DEVIATION)
-    low = w <= max(4.0 * w[0], w[min(5, len(w) - 1)])
+    low = is_low(w)
     J = float(np.median(1.0 / (w[low] * np.abs(P[low]))))
     fit = Mechanics(w, np.log(P), deviation, np.log(raw.P[at] / P), dt, J)
     best = fit.solved([np.log(J), np.log(0.1 * J * w[0]), dt, np.log(0.2 * dt)])

@@ -32,21 +32,19 @@ from ..core.option_names import option
 from ..core.provenance import Provenance, stamped
 from ..core.result import Result, picked
 from ..core.unit_names import unit_for
-from ..core.validation import flag, number, positive
+from ..core.validation import flag, not_negative, positive
 from ..core.views import view
 from ..hunting.hunt import LimitCycles, limit_cycles
 from ..hunting.loop import cascade_as_pid, edge
 from ..linear import bandwidth_check, linearize, stability_check
 from ..linear.stability import StabilityVerdict
 from ..linear.transfer import response
-from .fits import Mechanics, hold, point
+from .fits import DISC, LOW, Mechanics, hold, is_low, point
 from .of_record import LINEAR, UNIT, FrequencyResponse
 
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
 LEAST_COHERENCE = 0.05  # one of 20 equations in a window: what chance alone explains
-WHOLE = np.sqrt(-np.log(0.05))  # deviations to the radius of a 95 % disc
-LOW = 4.0  # times the lowest frequency: where the axis is a free inertia
 DENSE, SIDES = 150, np.linspace(-10.0, 10.0, 61)  # points in a decade; half-widths about a mode
 ZERO = 1e-9  # of the fastest pole: a pole or zero that is slower is an integrator
 LIGHT = 0.5  # damping ratio below which a mode has points of its own
@@ -84,9 +82,7 @@ class Axis:
 
 
 def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
-    delay = number(dead_time, "dead_time")
-    if delay < 0.0:
-        raise InputError(f"dead_time = {delay:g} is negative.")
+    delay = not_negative(dead_time, "dead_time")
     dt = None if rate is None else 1.0 / positive(rate, "rate", "Hz")
     if isinstance(given, FrequencyResponse):
         sure, f = given.certain, given.frequency / (2.0 * np.pi)
@@ -111,7 +107,7 @@ def _discs(found: FrequencyResponse) -> _Measured:
     """The response, or where it is not certain the fitted mechanics if it lies within what is."""
     w, P, sure, body = found.frequency, np.ravel(found.frd.frdata), found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
-    left = 1.0 if body is None else min(WHOLE * body.share, 1.0)
+    left = 1.0 if body is None else min(DISC * body.share, 1.0)
     left = left * np.abs(np.ravel(found.raw.frdata) / P - 1.0)
     open_ = np.where(found.governed, np.maximum(open_, left), open_)
     error, miss = np.where(sure, found.high / found.magnitude - 1.0, open_), 0.0
@@ -195,7 +191,7 @@ def endless() -> Refused:
 
 def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
     """J and B/J of 1/P = B + jwJ, at low frequencies."""
-    low = w <= max(LOW * w[0], w[min(5, len(w) - 1)])
+    low = is_low(w)
     resists = 1.0 / P[low]
     J, B = float(np.median(resists.imag / w[low])), float(np.median(resists.real))
     if not J > 0.0:
@@ -509,7 +505,7 @@ class Tuning(Result):
     rate, dead_time : float
         Of the controller in Hz, None: continuous; in s.
     inertia : float
-        At low frequencies.
+        In kg m2 (kg on a linear drive), at low frequencies.
     limit_cycles : LimitCycles or None
         With these gains; None where no friction is known.
     messages : tuple of str

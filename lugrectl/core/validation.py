@@ -84,6 +84,14 @@ def positive(value: Any, name: str, unit: str = "") -> float:
     return made
 
 
+def not_negative(value: Any, name: str) -> float:
+    """A finite float from 0 on; InputError names the argument."""
+    made = number(value, name)
+    if made < 0.0:
+        raise InputError(f"{name} = {made:g} is negative.")
+    return made
+
+
 def share(value: Any, name: str) -> float:
     """A number between 0 and 1, both excluded."""
     found = positive(value, name)

@@ -28,7 +28,7 @@ from ..core.errors import Diverged, InputError
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.result import Result, picked
 from ..core.unit_names import unit_for
-from ..core.validation import number, positive, whole
+from ..core.validation import not_negative, positive, whole
 from ..core.views import view
 from ..simulation.response import simulate
 from ..simulation.sampled_block import Sensing, encoder, rounded, sampled
@@ -244,7 +244,8 @@ def _closer(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _turns(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where D changes its sign, and whether by a root or by a jump."""
+    """Where D changes its sign, and whether by a root or by a jump. D is made exact in place beside
+    these."""
 
     def changes(D: np.ndarray) -> np.ndarray:
         return (D[:-1] > 0.0) != (D[1:] > 0.0)
@@ -473,7 +474,7 @@ def starts_of(loop: Loop, sensing: Sensing | None, cycles: list[float]) -> np.nd
     cells = CELLS * step
     every = loop.unit * np.geomspace(SMALLEST, largest, COUNT)
     every = np.r_[every, cells[cells > SMALLEST * loop.unit], cycles]
-    return np.sort(every[every > 0.5 * step])
+    return np.sort(every[every >= 0.5 * step])
 
 
 def model_run(
@@ -726,11 +727,11 @@ def limit_cycles(
     and loops of blocks are simulated from many starts, each for longer and longer until it rests,
     repeats or grows: what persists is a cycle, and nothing is proven. A swing rests, too, once it
     is below a tenth of the smallest start, or at the end of the budget where it still shrinks and
-    is below starts that rest. The border is bisected to 5 %. With bristles, Newton on the state at
-    e = 0 then gives multipliers, and unstable cycles where it reaches them from those of the
-    sliding curve. Counts are shaken by a hundredth, so that a swing that locks to a place within
-    one is no hunting; a swing that scatters may come to rest by chance, and is seen for 300 half
-    turns or the whole budget.
+    is below starts that rest. The border is bisected to 5 %. With bristles, the state at e = 0 that
+    half a turn repeats then gives multipliers, and unstable cycles where the search for it reaches
+    them from those of the sliding curve. Counts are shaken by a hundredth, so that a swing that
+    locks to a place within one is no hunting; a swing that scatters may come to rest by chance, and
+    is seen for 300 half turns or the whole budget.
 
     Hunting by Stribeck friction: Olsson and Astrom, Friction Generated Limit Cycles, IEEE Trans.
     Control Systems Technology 9(4), 2001; Hensen, van de Molengraft and Steinbuch, Friction
@@ -772,15 +773,14 @@ def limit_cycles(
     more = critical(
         lambda **x: _searched(model, gains(**x), sensing, most, search).hunts, ends, "hunting"
     )
-    none = tuple(NOT_GIVEN.format(name) for name in ends if not gains().get(name))
+    own = gains() | {"kv": kv}
+    none = tuple(NOT_GIVEN.format(name) for name in ends if not own[name])
     said = (*more["messages"], *none, *found.messages)
     return replace(found, critical=more["critical"], messages=said)
 
 
 def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | None:
-    late = number(dead_time, "dead_time")
-    if late < 0.0:
-        raise InputError(f"dead_time = {late:g} is negative.")
+    late = not_negative(dead_time, "dead_time")
     if rate is None:
         if late or counts is not None:
             raise InputError("dead_time and counts belong to a sampled loop: give rate in Hz too.")

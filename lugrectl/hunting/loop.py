@@ -33,7 +33,7 @@ from ..blocks.model import Model, as_model
 from ..core.display import Row
 from ..core.errors import InputError
 from ..core.result import Result, picked
-from ..core.validation import number, positive, shown, whole
+from ..core.validation import not_negative, number, positive, shown, whole
 from ..core.views import view
 
 REST = 1e-12  # rad/s, where a curve is read for a speed of 0: its limit, not the sign of 0
@@ -702,9 +702,7 @@ def _believed(model: Model, share: Any, vd: Any) -> tuple[float, float]:
     below = dict(model.friction.values).get("vs") if vd is None else vd
     if below is None:
         raise InputError(f"hunting_map: {model.friction.block.name} has no vs: give vd in rad/s.")
-    if number(share, "compensation") < 0.0:
-        raise InputError(f"compensation = {share:g} is negative.")
-    return float(share), positive(below, "vd", "rad/s")
+    return not_negative(share, "compensation"), positive(below, "vd", "rad/s")
 
 
 def _regions(loops: list[Loop]) -> list[int]:

@@ -106,9 +106,10 @@ def inputs(name: str, labels: Sequence[str], t: np.ndarray, given: Any) -> np.nd
     is_list = isinstance(given, (list, tuple)) and len(given) not in (0, len(t))
     nothing = given is None or (isinstance(given, (list, tuple)) and not given)
     parts: Any = given if is_list else [0.0 if nothing else given]
-    rows = []
+    rows, told = [], []
     for i, part in enumerate(parts):
         row = array(part, f"inputs[{i}]" if is_list else "inputs")
+        told.append(str(row.shape))
         if row.ndim < 2 and row.shape != (len(t),):  # each number of a part for all times
             row = np.outer(row, np.ones(len(t)))
         rows.append(np.atleast_2d(row))
@@ -122,7 +123,7 @@ def inputs(name: str, labels: Sequence[str], t: np.ndarray, given: Any) -> np.nd
             return u
     raise InputError(
         f"{name} needs inputs ({', '.join(labels)}) of shape ({len(labels)}, {len(t)}), not "
-        f"{' and '.join(str(row.shape) for row in rows)}."
+        f"{' and '.join(told)}."
     )
 
 

@@ -259,7 +259,9 @@ def _kind(block: Any) -> str:
 def _warn_of_sign(run: Run, right: set[bytes], p: np.ndarray) -> None:
     """Warn of feedback that drives e from zero; ``right``: signs of p for which none does."""
     signs = (p > 0.0).tobytes() + (p < 0.0).tobytes()
-    wrong = () if signs in right else _wrong(run.net, run.params)
+    if signs in right:
+        return
+    wrong = _wrong(run.net, run.params)
     if not wrong:
         right.add(signs)
     for name in wrong:
@@ -515,7 +517,8 @@ def simulate_sampled(
         a load d, held between samples. Those left out are 0. A number or an array (N,) or (m, N)
         gives those that the drive reads, in the order of the result's ``input_labels``.
     x0, drive_x0 : float or array_like
-        Initial states of plant and drive: a number for all, or a list padded with zeros.
+        Initial states of plant and drive: a number for all, or a list padded with zeros. Those of
+        the delay come last in a list; a number leaves them at 0.
     delay : int
         Number of samples between the measurement and the action of its torque: 0 acts at once, 1
         is a drive that computes for one period. Before the first command the plant's inputs are
@@ -529,7 +532,7 @@ def simulate_sampled(
     -------
     control.TimeResponseData
         At the samples: outputs of the plant, measured before the torque of this sample acts,
-        then those of the drive; states of both.
+        then those of the drive; states of both. Those of the delay come last.
 
     Raises
     ------
@@ -567,9 +570,11 @@ def simulate_sampled(
     warn_unfed(net, inputs)
     u = arguments.by_name(net.name, net.outside, times, inputs)
     start = arguments.start(plant.name, parts[0].nstates, x0)
-    driven = arguments.start("the drive", net.count(True), drive_x0, "drive_x0")
-    states, course = np.concatenate([start, driven]), Course.along(times, u, 1, True)
-    run = Run(net, course, states, params, None, Accuracy(rtol))
+    count, is_list = net.count(True), isinstance(drive_x0, (list, tuple)) or np.ndim(drive_x0) > 0
+    own = count if is_list else sum(part.nstates for part in parts[1 : 1 + len(blocks)])
+    driven = arguments.start("the drive", own, drive_x0, "drive_x0")
+    states = np.concatenate([start, driven, np.zeros(count - own)])
+    run = Run(net, Course.along(times, u, 1, True), states, params, None, Accuracy(rtol))
     return response(run, followed(run), u)
 
 

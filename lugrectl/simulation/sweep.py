@@ -252,7 +252,8 @@ def sweep(
     executor : concurrent.futures.Executor
         Runs the chunks: threads, processes, ``dask.distributed.Client.get_executor()``, mpi4py,
         Ray. Only generated source text and numbers are sent, never the system, so blocks need
-        not be picklable. Workers need lugrectl, and a C compiler or numba if this process has one.
+        not be picklable; functions ``inputs`` and ``reduce`` are sent too, and must be for
+        processes. Workers need lugrectl, and a C compiler or numba if this process has one.
     jobs : int
         Without ``executor``: with a C compiler or numba, the number of threads (default: all
         cores). Without them members run one after the other, because Python threads would not run

@@ -92,6 +92,17 @@ def test_a_run_can_go_on_from_its_last_state():
     np.testing.assert_allclose(rest.outputs[0], whole.outputs[0, 40:], rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.parametrize("delay", [0, 2])
+def test_a_number_for_the_states_of_the_drive_leaves_the_delay_at_zero(delay):
+    """The plant stands until the first command arrives; a list goes on from any state."""
+    t, parts = 0.1 * np.arange(6), [sampled(lg.pi(0.0, 1.0, inputs=["w"]), 0.1)]
+    found = simulate_sampled(integrator(), parts, t, drive_x0=1.0, delay=delay)
+    assert np.flatnonzero(row(found, "w"))[0] == 1 + delay
+    x, s = np.split(found.states[:, 3], [1])
+    rest = simulate_sampled(integrator(), parts, t[3:], x0=x, drive_x0=s, delay=delay)
+    np.testing.assert_allclose(row(rest, "w"), row(found, "w")[3:], rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("call", "said"),
     [
@@ -107,9 +118,12 @@ def test_a_run_can_go_on_from_its_last_state():
         ),
         (
             lambda t: simulate_sampled(integrator(), [gain(1.0)], t, [t, t]),
-            "the drive needs inputs",
+            r"the drive needs inputs \(r\) of shape \(1, 5\), not \(5,\) and \(5,\)",
         ),
-        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, t[1:]), "the drive needs inputs"),
+        (
+            lambda t: simulate_sampled(integrator(), [gain(1.0)], t, t[1:]),
+            r"the drive needs inputs \(r\) of shape \(1, 5\), not \(4,\)",
+        ),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, delay=-1), "delay"),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, x0=[1, 2]), "1 states"),
         (

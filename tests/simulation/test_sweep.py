@@ -347,6 +347,9 @@ def test_failures_come_home(pool: ProcessPoolExecutor) -> None:
 
 
 def test_functions_that_cannot_be_sent_are_said(pool: ProcessPoolExecutor) -> None:
-    with pytest.warns(RuntimeWarning, match="7 of 7 members failed; member 0: .*pickle"):
+    match = "7 of 7 members failed; member 0: .*pickle"
+    with pytest.warns(RuntimeWarning, match=match):
         s = lg.sweep(lag(), T, lambda i: 1.0, TABLE, executor=pool)
     assert np.isnan(s.y).all()
+    with pytest.warns(RuntimeWarning, match=match):
+        lg.sweep(lag(), T, 1.0, TABLE, executor=pool, reduce=lambda t, y: 0)
