@@ -1,4 +1,4 @@
-"""The forms in which results are handed out: dict, JSON, pandas, a table, files, a picture."""
+"""The forms in which results are handed out: plain data as a dict or as JSON, rows by name."""
 
 from __future__ import annotations
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -86,4 +85,4 @@ def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
 
 def unfinished(folder: Path) -> Path:
     """Return a new hidden name in a folder."""
-    return folder / f".lugrectl-{secrets.token_hex(8)}"
+    return folder / f".lugrectl-{os.urandom(8).hex()}"

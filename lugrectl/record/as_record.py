@@ -20,6 +20,7 @@ from .consistency import audit, fitting_speed, unit_mistake
 from .files.readers import SUFFIXES, read_table
 from .log import Log, rows_of
 from .record import Record
+from .samples.rows import REQUIRED
 from .uniform_time import uniform, usable
 
 
@@ -208,7 +209,7 @@ def as_holdout(
     if not is_record(given):
         raise InputError(f"holdout must be None, 'last', {FORMS}, not {shown(given)}.")
     made = as_record(given, motion, "holdout", **reading)
-    roles = [role for role in ("u", "w", "theta") if role in made.channels()]
+    roles = [role for role in REQUIRED if role in made.channels()]
     for record in records if isinstance(records, Sequence) else [records]:
         ours, theirs = made.channels(), record.channels()
         if all(k in theirs and np.array_equal(ours[k], theirs[k]) for k in roles):

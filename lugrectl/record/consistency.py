@@ -10,13 +10,14 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError, Refused
-from ..core.numeric import column_sizes
+from ..core.numeric import column_sizes, rms
 from ..core.option_names import option
 from ..core.unit_names import si_unit
 from .columns.names import UNITS
 from .columns.raw_numbers import asked
 from .record import Record
 from .samples.clock import plausible
+from .samples.rows import REQUIRED
 
 _BAND = 30.0  # Hz; the motion below this frequency is compared
 _BLOCKS = 20  # of time, whose spread gives the error of what is estimated
@@ -27,7 +28,6 @@ _OFF = 0.03  # a ratio this far from 1 is reported
 _LAG = 1.5  # samples
 _GEARS = 500.0  # the usual ratios
 _LEAST_OFFSET = 0.005  # of the RMS speed
-_DEAD = ("u", "w", "theta")
 # w in one unit and theta in another, neither stated: (w over d theta/dt, theta, w).
 _BOTH = ((60.0, "rev", "rpm"), (1 / 6, "deg", "rpm"), (360.0, "rev", "deg/s"),
          (1 / 360, "deg", "rev/s"))  # fmt: skip
@@ -45,7 +45,7 @@ def audit(record: Record, *, alone: bool = True) -> Record:
 
 def refuse_dead(records: Sequence[Record]) -> None:
     """Refuse channels that are constant over all records."""
-    for role in _DEAD:
+    for role in REQUIRED:
         given = [r.channels()[role] for r in records if role in r.channels()]
         if given and _is_constant(np.array([f(x) for x in given for f in (np.min, np.max)])):
             source = records[0].source if len(records) == 1 else f"{len(records)} records"
@@ -94,7 +94,7 @@ def _alive(record: Record, alone: bool) -> Record:
     moves = theta is not None and not (_is_constant(theta) or _is_steady(record))
     if w is not None and moves and _is_constant(w):
         record = _without_w(record, f"constant ({w[0]:.6g})")
-    for role in _DEAD:
+    for role in REQUIRED:
         values = getattr(record, role)
         if values is None or not _is_constant(values):
             continue
@@ -157,9 +157,8 @@ def _speeds(record: Record) -> _Speeds | None:
     low, high = sorted((abs(ratio), abs(1 / inverse)))
     same = low <= 1 + margin and high >= 1 - margin
     size = 1.0 if same else float(np.sqrt(ratio / inverse))
-    rms = float(np.sqrt(np.mean(slope**2)))
     sign = float(np.sign(ratio))
-    return _Speeds(size * sign, agreement, offset, error, rms, lag, min(lag, -lead))
+    return _Speeds(size * sign, agreement, offset, error, rms(slope), lag, min(lag, -lead))
 
 
 def _fitted(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, float, float, float]:

@@ -51,6 +51,10 @@ class Log:
     file: SourceFile | None = None
     kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # found in the rows, by checksum
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was found in the rows: a pickle holds them once."""
+        return {**vars(self), "kept": {}}
+
     def checksum(self) -> tuple[object, ...]:
         """What changes with the rows, their units or their parts."""
         rows = {"t": self.t, **self.channels}

@@ -16,10 +16,11 @@ from ..core.result import picked
 from ..core.unit_names import si_unit
 from ..core.validation import array
 from ..core.views import view
+from .columns.names import ROLES
 from .log import Log, log_of_arrays
+from .samples.rows import REQUIRED
 
 _MOTIONS = ("rotary", "linear")
-_ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,7 +120,7 @@ class Record(Shown):
     def checksum(self) -> int:
         """A number that changes with the samples of torque and motion."""
         made = 1
-        for role in ("u", "w", "theta"):
+        for role in REQUIRED:
             values = getattr(self, role)
             made = made if values is None else crc32(values, crc32(role.encode(), made))
         return made
@@ -147,7 +148,7 @@ class Record(Shown):
 
     def channels(self) -> dict[str, np.ndarray]:
         """Return the channels that are present, by role, with t first."""
-        return {role: getattr(self, role) for role in _ROLES if getattr(self, role) is not None}
+        return {role: getattr(self, role) for role in ROLES if getattr(self, role) is not None}
 
     @property
     def samples(self) -> int:
@@ -170,7 +171,8 @@ class Record(Shown):
         return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
 
     def slice(self, a: int, b: int) -> Record:
-        """Return samples a to b - 1 as a record; ``messages`` and ``dropped`` do not change."""
+        """Return samples a to b - 1 as a record; ``messages`` and ``dropped`` do not change.
+        InputError where it holds none."""
         a, b, _ = slice(a, b).indices(self.samples)
         if b <= a:
             raise InputError(f"{self.source}: the slice {a}:{b} holds no sample.")

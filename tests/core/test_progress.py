@@ -83,6 +83,7 @@ def test_the_paper_and_a_compensation_report():
 
 
 def test_a_notebook_gets_a_bar_without_asking(kernel):
+    assert isinstance(bar_for(None), Bar) and isinstance(bar_for(True), Bar)
     assert not isinstance(bar_for(False), Bar)
     with bar_for(None) as bar:  # short work gets none
         bar(0.0, "begin")

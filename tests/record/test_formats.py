@@ -141,6 +141,15 @@ def test_seconds_since_1970_are_known_by_their_size(tmp_path, per):
     assert per == 10**9 or any("since 1970" in m for m in record.messages)
 
 
+def test_an_empty_cell_among_nanoseconds_since_1970_is_a_row_without_a_time(tmp_path):
+    stamps = [str(1_650_000_000 * 10**9 + round(1e9 * t)) for t in T]
+    stamps[700] = ""
+    body = "".join(f"{a},{b:.9g},{c:.9g}\n" for a, b, c in zip(stamps, U, THETA, strict=True))
+    record = read_record(write(tmp_path / "a.csv", "timestamp,u,theta\n" + body))
+    assert any("t is missing in 1 row" in m for m in record.messages)
+    np.testing.assert_allclose(np.delete(record.theta, 700), np.delete(THETA, 700), atol=1e-8)
+
+
 @pytest.mark.parametrize("head", ["t", "timestamp"])
 @pytest.mark.parametrize("made", [dict, lambda d: {k: list(v) for k, v in d.items()}])
 def test_so_they_are_in_memory(head, made):

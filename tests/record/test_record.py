@@ -1,7 +1,5 @@
 """The Record, its columns and units, and real data where it is at hand."""
 
-import re
-
 import numpy as np
 import pytest
 import scipy.io
@@ -114,7 +112,7 @@ def test_emps_record():
     assert record.w is None and record.dropped == 0
     np.testing.assert_array_equal(record.u, 35.15 * raw["vir"].ravel())
     np.testing.assert_array_equal(record.theta, raw["qm"].ravel())
-    assert all(re.match("u is 35.15 times", m) for m in record.messages)
+    assert record.messages == ()
 
 
 @measured

@@ -1,5 +1,6 @@
 """The usable rows of a log are found once, and nobody's changes reach the others."""
 
+import pickle
 from importlib import import_module
 
 import numpy as np
@@ -31,6 +32,13 @@ def test_the_plain_answer_and_the_finer_fit_share_the_usable_rows(found):
     stretches([made])
     stretches([record.log])
     assert len(found) == 1
+
+
+def test_a_pickle_holds_the_rows_once():
+    made = rows()
+    usable.usable(made)
+    again = pickle.loads(pickle.dumps(made))
+    assert made.kept and not again.kept and np.array_equal(again.channels["w"], SPEED)
 
 
 def test_a_log_that_was_changed_is_looked_at_again(found):

@@ -6,11 +6,11 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.option_names import option
+from ..samples.clock import HUGE
 
 # ---- angles without a unit -------------------------------------------------------
 
 _FASTEST = 1e4  # rad/s, 95 000 rpm: no drive that is logged by position turns faster
-_MARK = 1e30  # what is larger is a mark of a missing value
 _CELLS = 100  # least number of encoder steps that show their size
 _SPAN = 2000  # least range, in encoder steps: a grid of another size drifts out of step over it
 _SHARP = 0.9  # coherence with a grid, 1 for a grid without rounding
@@ -25,7 +25,7 @@ _LINES = (100, 125, 180, 200, 250, 300, 360, 400, 500, 600, 720, 800, 900, 1000,
 def check_angles(source: str, theta: np.ndarray, t: np.ndarray, speed: bool | None) -> None:
     """InputError if an angle without a unit shows that it is in deg or turns; ``speed``: whether w
     is without a unit, too, None if there is no w."""
-    theta = np.where(np.abs(theta) < _MARK, theta, np.nan)
+    theta = np.where(np.abs(theta) < HUGE, theta, np.nan)
     if len(theta) < _CELLS:
         return
     k, found = max(1, len(theta) // 2000), encoder_unit(theta)

@@ -22,6 +22,7 @@ _DATE = r"(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
 _CLOCK = r"(?P<clock>\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?)\s*(?P<half>[AaPp][Mm])?"
 _ZONE = r"(?P<zone>Z|UTC|\s?[+-]\d{2}:?\d{2})?"
 _STAMP = re.compile(rf"(?:{_DATE}[T ,_]\s*)?{_CLOCK}{_ZONE}", re.ASCII)
+_NO_STAMP = ("", "nan", "nat")
 _DAY = 86400.0
 
 
@@ -39,13 +40,13 @@ def seconds(cells: Sequence[str]) -> np.ndarray:
     one, is the next day."""
     days: dict[str, float] = {}
     made = np.full(len(cells), np.nan)
-    if all(cell.strip().isdecimal() for cell in cells):
-        return np.array([1e-9 * (int(cell) - int(cells[0])) for cell in cells])
-    for k, cell in enumerate(cells):
-        match = _STAMP.fullmatch(cell.strip())
+    present = [k for k, cell in enumerate(cells) if cell.strip().lower() not in _NO_STAMP]
+    if present and all(cells[k].strip().isdecimal() for k in present):
+        made[present] = [1e-9 * (int(cells[k]) - int(cells[present[0]])) for k in present]
+        return made
+    for k in present:
+        match = _STAMP.fullmatch(cells[k].strip())
         if match is None:
-            if cell.strip().lower() in ("", "nan", "nat"):
-                continue
             raise ValueError(k)
         hour, minute, rest = match["clock"].split(":", 2)
         if match["half"]:

@@ -129,16 +129,21 @@ def _back(log: Stamped) -> None:
 def multiples(steps: np.ndarray, dt: float) -> np.ndarray:
     """How many steps of the clock each step of the stamps is; 1 where they only jitter."""
     whole = np.maximum(np.rint(steps / dt), 1).astype(int)
-    jitters = len(steps) > 0 and np.quantile(np.abs(steps / dt - whole), 0.99) > _JITTER
+    jitters = len(steps) > 0 and _unevenness(steps, dt) > _JITTER
     return np.ones(len(steps), int) if jitters else whole
 
 
 def typical_step(steps: np.ndarray) -> float:
     """The step of the clock in s: the median, or the mean where steps vary a lot."""
     dt = float(np.median(steps))
-    if dt > 0 and np.quantile(np.abs(steps / dt - np.maximum(np.rint(steps / dt), 1)), 0.99) < 0.2:
-        return dt
-    return float(np.mean(steps))
+    return dt if dt > 0 and _unevenness(steps, dt) < _JITTER else float(np.mean(steps))
+
+
+def _unevenness(steps: np.ndarray, dt: float) -> float:
+    """How far the steps of the stamps are off whole steps ``dt`` of the clock, but for the rarest,
+    as a share of ``dt``."""
+    ticks = steps / dt
+    return float(np.quantile(np.abs(ticks - np.maximum(np.rint(ticks), 1)), 0.99))
 
 
 def plausible(dt: float) -> bool:

@@ -116,7 +116,7 @@ def _fit(
     error = scale + level * np.nan_to_num(over(rest, np.abs(k0)), nan=1.0)
     judged = moving & (speed > _QUICK * top)
     judged[judged] &= _far(x[judged], x[used]) < _SEEN
-    torque, share = np.where(known, x @ p, np.nan), scale / max(usual, 1e-300)
+    torque, share = np.where(known, x @ p, np.nan), scale / max(usual, TINY)
     return Balance(torque, scale, moving, width, parts, error, judged, a, share)
 
 
