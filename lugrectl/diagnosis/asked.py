@@ -19,13 +19,14 @@ from ..core.blas_threads import one_blas_thread
 from ..core.display import with_interval
 from ..core.errors import InputError, Refused
 from ..core.option_names import option
+from ..core.regression import TINY
 from ..core.validation import is_file, positive, share, whole
 from ..estimates.findings import AGAINST_HELD, LEVELS, Balance, BenchTest, Estimate
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
 from ..record.as_record import as_holdout, as_logs
 from ..record.files.readers import MODEL, SUFFIXES
 from ..torque_balance.bench_tests import bench_tests
-from ..torque_balance.constants import ALPHA, FLOOR
+from ..torque_balance.constants import ALPHA, BEYOND, FLOOR, KNOWN, LITTLE, MOSTLY, MUCH
 from ..torque_balance.maps import is_map
 from ..torque_balance.values import base_row, means_the_same, misfit
 from ..torque_balance.verdict import Answer
@@ -211,7 +212,6 @@ def balance(
 
 
 BETTER = 0.7  # of what a log leaves as it is: what it must leave without its fault
-EXPLAINED = 0.1  # of the torque: with less left nothing is wrong
 SIGN = "u has the wrong sign: give {}. The plain answer is that of the other sign."
 SWAPPED = (
     "u and {0} seem to be swapped: the other way round the balance leaves {1:.2g} % of the RMS "
@@ -226,12 +226,13 @@ UNFIT = (
     "The declared law '{}' does not fit this log, whatever its values. Declare another law, or "
     "compare them ({})."
 )
-OFF = 1.5  # times another value: farther than a missing effect takes a balance
-SHARE, HALF = 0.05, 0.5  # of the torque that a held value leaves more; and of all: no answer
 
 MOST_RUNS = 20  # that are compared with one another
-ALIKE, QUARTER = 1.03, 0.25  # ratio of levels that agree; relative error of one that is known
-ABOUT, FARTHER = 2.0, 3.0  # ratio of levels that no unit explains; of a J that one may explain
+ALIKE = 1.03  # ratio of levels that agree
+ABOUT, FARTHER = (
+    2.0,
+    3.0,
+)  # ratio of levels that no unit explains; that one may explain
 DEG, RPM = 180 / np.pi, 30 / np.pi
 # what undoes it where a channel is so many times what it should be
 TORQUE_AND_TIME = {"u=-1": -1.0, "u=mN m": 1e3, "t=ms": 1e3}
@@ -295,7 +296,7 @@ def doubtful(found: Balance) -> bool:
         return True
     friction = [c.ci95 for c in found.combinations if "Fc" in c.parts]
     drives = any(ends is not None and ends[1] < 0 for ends in friction)
-    return drives or "J" not in found.parameters and found.left > EXPLAINED
+    return drives or "J" not in found.parameters and found.left > MUCH
 
 
 def _makes_a_drive(other: Balance, found: Balance) -> bool:
@@ -314,7 +315,7 @@ def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Ba
     keys = {k for k, s in model.stated.items() if s.fixed or s.bounded}
     keys = sorted(k for k in keys if not model.declarations()[k].angle)
     free = plain_row(parts, replace(model, stated={})) if keys else Balance()
-    if free.refused or free.left is None or free.left > HALF:
+    if free.refused or free.left is None or free.left > MOSTLY:
         return found  # nothing is stated, or the log itself is at fault
     said, most = [], 0.0
     for key in (k for k in keys if k in free.parameters):
@@ -323,17 +324,17 @@ def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Ba
         if value is None or e.ci95 is None or e.may_be(value):
             continue
         low, high = sorted((abs(value), abs(e.value)))
-        if high <= OFF * low and value * e.value >= 0:  # near it
+        if high <= BEYOND * low and value * e.value >= 0:  # a missing effect takes it so far
             continue
         left = plain_row(parts, replace(model, stated={key: stated})).left or 1.0
-        if left > free.left + SHARE:
+        if left > free.left + LITTLE:
             how = "held at" if stated.fixed else "at least" if value > e.value else "at most"
             unit = "" if model.unit(key) == "1" else f" {model.unit(key)}"
             said.append(HELD.format(key, how, value, unit, *with_interval(e)))
             most = max(most, left)
     if not said:
         return found
-    return replace(free if most > HALF else found, against=tuple(said), hopeless=most > HALF)
+    return replace(free if most > MOSTLY else found, against=tuple(said), hopeless=most > MOSTLY)
 
 
 def contradicted(parts: Sequence[Stretch], model: Model) -> list[str]:
@@ -371,7 +372,7 @@ def levels(found: Balance) -> Levels | None:
     value = np.array([both[k].value for k in LEVELS])
     ends = np.array([both[k].ci95 or (-np.inf, np.inf) for k in LEVELS])
     error = np.diff(ends)[:, 0] / 2 / np.abs(value)
-    return np.where(error < QUARTER, [value, error], np.nan)
+    return np.where(error < KNOWN, [value, error], np.nan)
 
 
 def agree(one: Levels | None, other: Levels | None, least: int, times: float = ALIKE) -> bool:
@@ -381,7 +382,7 @@ def agree(one: Levels | None, other: Levels | None, least: int, times: float = A
         return False
     ratio, error = one[0] / other[0], np.hypot(one[1], other[1])
     known = np.isfinite(ratio)
-    off = np.abs(np.log(np.maximum(ratio[known], 1e-300)))
+    off = np.abs(np.log(np.maximum(ratio[known], TINY)))
     return known.sum() >= least and bool(np.all(off < np.log(times) + error[known]))
 
 

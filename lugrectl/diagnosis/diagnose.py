@@ -22,7 +22,7 @@ from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap
 from ..estimates.fitted import Belief, Fitted
 from ..record import Stretch, stretches
 from ..torque_balance.budget import comparison, refuse_unjudged, signals, tabulated
-from ..torque_balance.constants import ALPHA, FLOOR
+from ..torque_balance.constants import ALPHA, FLOOR, SEVERAL
 from ..torque_balance.last_fit import Design, LastFit
 from ..torque_balance.maps import MapView, Nodes, Run, is_map
 from ..torque_balance.values import alone, completed, model_values, plain_balance
@@ -395,8 +395,6 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
 FINE = 400  # speeds at which the curves are drawn
 LEAST_TURNS = 2.0  # of a run, so that orders half an order apart are separated
 HIGHEST = 8  # order of a turn that is examined
-LEAST_RUNS = 3  # that turn so far
-CHANCE = 0.01  # probability that any order is named although there is no ripple
 MAP = "{} runs at steady speeds were taken as one map of torque over speed; they do not tell {}."
 SWINGS = (
     "The torque varies with the angle: {} of friction. Its phase in the runs is unknown, so it is "
@@ -543,12 +541,12 @@ def swings(parts: Sequence[Stretch], unit: str) -> list[Swing]:
             u = signal.detrend(s.u) * np.hanning(len(s.u)) * 2.0
             power.append(np.abs(2.0 * np.exp(-1j * np.outer(orders, theta)) @ u / len(u)) ** 2)
     many = len(power)
-    if many < LEAST_RUNS:
+    if many < SEVERAL:
         return []
     every = np.array(power)  # (runs, half orders from 1/2 on)
     own, beside = every[:, 1::2], 0.5 * (every[:, :-1:2] + every[:, 2::2])
     chance = -4.0 * np.sum(np.log1p(-own / (own + 2.0 * beside)), axis=0)
-    there = np.flatnonzero(stats.chi2.sf(chance, 2 * many) <= CHANCE / HIGHEST)
+    there = np.flatnonzero(stats.chi2.sf(chance, 2 * many) <= ALPHA / HIGHEST)
     excess = own - beside
     mean, half = excess.mean(axis=0), stats.sem(excess) * stats.t.ppf(0.975, many - 1)
     size = np.sqrt(np.maximum([mean, mean - half, mean + half], 0.0))[:, there].T.tolist()

@@ -20,7 +20,7 @@ from ..estimates.fitted import Fitted
 from ..record import Record
 from ..torque_balance.constants import FEW
 from ..torque_balance.verdict import PLANT, common_factor
-from .asked import Asked
+from .asked import FARTHER, Asked
 
 if TYPE_CHECKING:
     from ..bench.compensate import Compensation
@@ -150,7 +150,6 @@ SCALE = (
     "constant, gear ratio)"
 )
 UNITS = "A factor of {:.3g} in {} is often a unit: see units, as theta=deg, w=rpm or u=mN m."
-MUCH = 3.0
 ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
     "at the same times depends on the motion",
@@ -219,7 +218,7 @@ def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
     if factor := common_factor(large):
         said.append(SCALE.format(factor))
     notes = [LEFT.format("; ".join(said))] if said else []
-    notes += [UNITS.format(x, k) for k, x in factors.items() if not 1 / MUCH < x < MUCH][:1]
+    notes += [UNITS.format(x, k) for k, x in factors.items() if not 1 / FARTHER < x < FARTHER][:1]
     for key, one in declared.stated.items():
         for name, end in (("min", one.low), ("max", one.high)):
             value = found[key].value if key in found else np.nan

@@ -26,11 +26,13 @@ from ..blocks.plant import assemble
 from ..core.deadline import check as check_time
 from ..core.errors import InputError, Refused
 from ..core.numeric import rms
+from ..core.regression import TINY
 from ..engine.backend import compiler
 from ..engine.batch_run import Lanes
 from ..estimates.findings import Joint, Residuals, Traces, residuals_of
 from ..record import Record, consistent, long_enough_to_judge
 from ..record.signal_noise import repeating, repeats, sensor_noise, share_noise, smallest_step
+from ..torque_balance.constants import SLIGHT, STANDS
 from ..torque_balance.maps import is_map
 from ..torque_balance.values import (
     ModelValues,
@@ -50,7 +52,7 @@ BLOCK = 2.0  # s, least length of a held-out block
 AS_FAST = 0.5  # of the top speed of held-out blocks: what the others must reach
 WINDOWS = (0.25, 1.0)  # s, least and largest length of a training window
 FEWEST = 25  # samples of such a window, at least
-SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
+MOVES = 0.1  # of a window: what must be in motion
 ENOUGH, LEAST = 10, 4  # windows: so many of all that is recorded; fewer are refused
 MOST, SAMPLES = 100_000, 20_000  # that are judged, and by which a fit is found, evenly spread
 GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
@@ -114,6 +116,11 @@ class Run:
         n = min(self.count(0.01), len(self.t) - 1)
         rise = (self.theta[n:] - self.theta[:-n]) / (n * self.dt)
         return np.append(rise, np.full(n, rise[-1]))
+
+    @property
+    def moves(self) -> np.ndarray:
+        """Where it moves, (N,)."""
+        return np.abs(self.speed) > STANDS * np.abs(self.speed).max()
 
     @cached_property
     def usual(self) -> float:
@@ -238,7 +245,7 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
 
 def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
     """Windows in motion; short ones where no compiler speeds up steps, as all take each at once."""
-    moved = [(np.abs(r.speed) > SLIDES * np.abs(r.speed).max()) * 1.0 for r in runs]
+    moved = [r.moves * 1.0 for r in runs]
     total = sum((b - a) * r.dt for r, part in zip(runs, parts, strict=True) for a, b in part)
     seconds = float(np.clip(total / ENOUGH, *WINDOWS)) if compiler() else WINDOWS[0]
     made = []
@@ -531,7 +538,7 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     error = each("error", lambda k: rms((measured - simulated[k])[held_out]))
     free = each("error without restarts", lambda k: _free(ready, free_run[k]))
     torque = each("torque error", lambda k: rms(missing[k][held_out]))
-    size = max(float(np.std(measured[held_out])), 1e-300)
+    size = max(float(np.std(measured[held_out])), TINY)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
     motion = ready.model.motion
     signal, unit = (("theta", "rad"), ("w", "rad/s"))[channel]
@@ -577,9 +584,7 @@ def torque_noise(ready: Prepared, model: Model) -> float:
 WEAK = 1.5  # standard deviation of a coordinate about its start where nothing else is known
 WIDE = 0.3  # the same from which a start is no more than a guess: factors on it are tried
 FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
-SLOPE = 1e-3  # of a coordinate, for slopes
 ROUNDS, CLIMBS, GAINED = 2, 30, 1e-7  # fits, each at the noise before it; their evaluations
-TINY = 1e-300  # least variance of a prior
 FARTHEST = 0.7  # of a coordinate that a window moves
 
 
@@ -683,8 +688,8 @@ class _Space:
         return np.r_[self._innovations([x], jump)[0], self.root @ (x - self.middle)]
 
     def slopes(self, x: np.ndarray, jump: float) -> np.ndarray:
-        e = self._innovations([x, *(x + SLOPE * np.eye(len(x)))], jump)
-        return np.vstack([(e[1:] - e[0]).T / SLOPE, self.root])
+        e = self._innovations([x, *(x + SLIGHT * np.eye(len(x)))], jump)
+        return np.vstack([(e[1:] - e[0]).T / SLIGHT, self.root])
 
     def _innovations(self, at: Sequence[np.ndarray], jump: float) -> np.ndarray:
         sets, drive, made = [self.values(x) for x in at], self.begun.drive, []
@@ -705,7 +710,7 @@ OTHER_PLACES = (
     "the drive passes most places once, so that few are both in training and in held-out samples. "
     "The torque errors are of shorter parts in turn."
 )
-PLACES, SLOW = 36, 0.01  # in a turn or travel; of the top speed: slower has no direction
+PLACES = 36  # in a turn or travel
 # s: lengths of blocks; those of 2 s, the least, may see one half of a periodic motion each
 LENGTHS = (0.0, 2.7, 3.7, 5.3)
 
@@ -732,7 +737,7 @@ def _same_motion(ready: Prepared) -> bool:
     places, apart = [], []
     for i, run in enumerate(ready.runs):
         turn = 2 * np.pi if ready.model.motion == "rotary" else float(np.ptp(run.theta)) or 1.0
-        way = np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
+        way = np.sign(run.speed) * run.moves
         places.append(3 * (np.floor(run.theta / turn * PLACES) % PLACES) + way)
         own = [(run.t >= a) & (run.t <= b) for k, a, b in ready.held_out if k == i]
         apart.append(np.any([0 * run.t > 0, *own], axis=0))

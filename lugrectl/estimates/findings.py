@@ -55,10 +55,10 @@ class Estimate(Shown):
 
 @dataclass(frozen=True, repr=False)
 class Candidate(Shown):
-    """One effect that was tried: how much better it explains the training samples.
+    """One effect that was tried: how much better it predicts left-out blocks of training samples.
 
-    ``score`` is the gain in log-likelihood over the refitted model, ``share`` the part of the
-    residual torque's power that it removes.
+    ``score`` is the gain in log predictive density over the declared model, nats; ``share`` the RMS
+    of the torque that it adds, over that of friction. Both are 0 where it was not compared.
     """
 
     name: str

@@ -19,7 +19,7 @@ from ..core.numeric import Z95, rms
 from ..core.regression import TINY, paired
 from ..estimates.findings import Compared, Comparison, Detectable, Share, Table
 from . import constants as const
-from .constants import LITTLE, MOSTLY, MUCH, ORDERS
+from .constants import LITTLE, LONG_BLOCKS, MOSTLY, MUCH, ORDERS
 from .friction import View
 from .last_fit import LastFit, places
 from .table import Contender
@@ -50,7 +50,7 @@ def comparison(made: Answer, least: float, alpha: float) -> Comparison:
         detectable=tuple(detectable(d, least, alpha)) if made.verdict == "adequate" else (),
         least=least,
         friction=friction,
-        stretches=len(made.interval.blocks[0]) and int(made.interval.blocks[0][-1]) + 1,
+        stretches=made.interval.stretches,
     )
 
 
@@ -174,7 +174,7 @@ INSTEAD: dict[tuple[str, ...], tuple[str, ...]]
 INSTEAD = {("t", "u"): ("t", "w"), ("theta", "u"): ("theta", "w")}  # u has mostly the sign of w
 POINTS = 48  # at most
 STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # of the curvature, over the rows
-BLOCKS, FOLDS = 60, 4  # of rows in time
+FOLDS = 4  # of the blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +213,7 @@ def tabulated(last: LastFit, depends_on: Collection[str]) -> Table | None:
     """
     name = tuple(s for s in ("theta", "t", "w", "u") if s in depends_on)
     name, t = INSTEAD.get(name, name), last.view.rows.t
-    blocks = np.array_split(np.argsort(t, kind="stable"), min(BLOCKS, max(1, len(t) // 8)))
+    blocks = np.array_split(np.argsort(t, kind="stable"), min(LONG_BLOCKS, max(1, len(t) // 8)))
     if name not in KNOWN or len(blocks) < 2 * FOLDS:
         return None
     r = last.left

@@ -29,7 +29,7 @@ from ..blocks.plant import borrowed
 from ..core.bare_system import BareSystem
 from ..engine.batch_run import Lanes
 from . import constants as const
-from .motion import bend, cubic, slope
+from .motion import bend, by_piece, cubic, slope
 
 Signals = Mapping[str, np.ndarray]
 Pieces = Sequence[tuple[slice, float]]
@@ -199,13 +199,6 @@ class Along:
         own = {k: getattr(self, k) for k in SIGNALS} | {"d": d}
         return own | self.stiff if _is_stiff(block) else own
 
-    def each(self, function: Any, x: np.ndarray) -> np.ndarray:
-        """``function(x, dt)`` of each piece."""
-        made = np.zeros(x.shape)
-        for piece, dt in self.pieces:
-            made[piece] = function(x[piece], dt)
-        return made
-
 
 @dataclass(frozen=True, eq=False)
 class Columns:
@@ -295,7 +288,7 @@ def lanes(block: Block, sets: Sequence[Values], along: Along) -> Columns:
     one = np.ones(len(sets))
     if not known:
         usual = _usual(block, along)
-        made = _torques(block, [_completed(block, values, usual) for values in sets], along)
+        made = _torques(block, [_completed(values, usual) for values in sets], along)
         return Columns(*made, low=one, high=one)
     p, more = block.own[block.gain], _places(block, along)
     usual, per = _usual(block, along), scaled(block) or ()
@@ -400,18 +393,18 @@ def _usual(block: Block, along: Along) -> dict[str, Any]:
     return {**block.defaults(), **borrowed(block, plant)}
 
 
-def _completed(block: Block, values: Values, usual: Values) -> dict[str, Any]:
+def _completed(values: Values, usual: Values) -> dict[str, Any]:
     """The given values, and usual ones of the other parameters."""
     return {**usual, **{k: x for k, x in values.items() if x is not None}}
 
 
 def _filled(block: Block, values: Values, along: Along) -> dict[str, Any]:
-    return _completed(block, values, _usual(block, along))
+    return _completed(values, _usual(block, along))
 
 
 def _scaled(block: Block, values: Values, usual: Values, per: Sequence[str]) -> dict[str, Any]:
     """All parameters for a strength of 1, with which those of ``per`` go."""
-    own, gain = _completed(block, values, usual), block.gain
+    own, gain = _completed(values, usual), block.gain
     neutral = block.parameters[gain].neutral or 0.0
     size = own[gain] - neutral if gain in values else 1.0
     per_unit = {k: own[k] / size for k in per} if size else {}
@@ -520,8 +513,8 @@ def _of_sensor(block: Block, errors: list[np.ndarray], along: Along) -> np.ndarr
     measured one without its second, or first, derivative."""
     by_name = dict(zip(block.fresh, errors, strict=True))
     if np.any(by_name["theta_m"]):
-        return -along.J * along.each(bend, by_name["theta_m"])
-    return -along.J * along.each(slope, by_name["w_m"])
+        return -along.J * by_piece(bend, by_name["theta_m"], along.pieces)
+    return -along.J * by_piece(slope, by_name["w_m"], along.pieces)
 
 
 def _outputs(
@@ -534,7 +527,7 @@ def _outputs(
 
         def held(values: Values) -> np.ndarray:
             own = {k: values[k] for k in block.own}
-            return along.each(lambda u, dt: exact(u, dt, **own), along.u)
+            return by_piece(lambda u, dt: exact(u, dt, **own), along.u, along.pieces)
 
         return [np.column_stack([along.u - held(values) for values in sets])]
     if block.states:

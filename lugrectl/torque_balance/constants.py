@@ -12,28 +12,30 @@ FAINT = 0.03  # decides nothing beside the best; noise that is small enough
 LITTLE = 0.05  # may be lost or left
 MUCH = 0.1  # counts: of a window at rest, of the power of all torque in one wave, of friction
 NEAR = 0.1  # relative difference of what is near by
+KNOWN = 0.25  # half of its interval is less of a value that is known
 PART = 0.3  # counts beside the whole
 MOSTLY = 0.5  # with more than this left nothing is found, and no value is given
 ALIKE = 0.8  # two that bring so much of one another are alike
 GROWN = 1.4  # an inertia that is so many times the declared one is another
 BEYOND = 1.5  # so many times as much is more
-SEVERAL = 3  # so many times as much is beyond doubt; so many are tried or named together
+SEVERAL = 3  # so many times as much is beyond doubt; so many are tried, named or needed together
 EXACT = 1e-6  # relative difference by rounding
 
 # chance
-ALPHA = 0.01  # that a gain, or a difference of two, is called proven and is none
+ALPHA = 0.01  # that a gain, a difference of two, or a ripple is called proven and is none
 SCREEN, SURELY = 4.0, 20.0  # nats that make a contender worth a look; that shape the base
 CLIP = 5.0  # standard deviations: a residual counts for no more
 ONE_MORE = 2.0  # nats at independent rows that a law must gain for one parameter more
 WHOLE = 1.3  # blocks tell nothing of errors that last the whole record: standard errors times this
 SCALE = 0.003  # no clock, encoder or current sensor is better (share of a value, one sigma)
-AGAIN = 6  # what comes so often is no accident
+AGAIN = 6  # what comes so often is no accident, and tells its own error
 FIRSTS = 6  # likeliest contenders that may be the first, waves over the angle of one ripple
 PARTS, STRANGE = 20, 8  # of a long log, in which effects are searched; those that fit least
 
 # blocks, rows, samples
 BLOCK = 0.3  # length of the blocks over which two descriptions are compared
 FEWEST_BLOCKS, MOST_BLOCKS = 12, 600
+LONG_BLOCKS = 60  # of a whole log: longer ones, over which a table and held-out rows are judged
 FEWEST_LEFT_OUT = 15  # of a fit, for an interval
 FEW = 2 * FEWEST_BLOCKS  # independent stretches of motion: fewer leave a comparison uncertain
 PART_TIME, SHORT = 2.0, 30.0  # alternate parts; a log up to twice as long is searched as a whole
@@ -58,6 +60,7 @@ WIDTHS = (0.010, 0.012, 0.0144, 0.0173, 0.0208, 0.025, 0.03, 0.036, 0.05, 0.07, 
           0.26)  # half-widths of the windows that are tried  # fmt: skip
 OVERLAP, FEW_WINDOWS = 0.55, 80  # distance over half-width; fewer overlap more
 AT_REST = 0.004  # of top speed: slower is rest
+STANDS = 0.01  # of top speed: slower has no direction that counts
 FINEST_ORDER, ORDERS = 400, 200  # per turn: the finest waves that are looked for, and named
 
 # friction

@@ -263,12 +263,14 @@ class View:
         """Columns (n, 4) that depend on the Stribeck speed: bump, short and long tail, bend."""
         fine, m = self.deflection(x0)[0], self.motion
         bump = level(m.fine_w, 0.0, 1.0, vs)
-        tails = (free_level(m.fine_w, 0.0, 1.0, v, 1.0) for v in (1.5 * vs, self.tail(vs)))
+        tails = (free_level(m.fine_w, 0.0, 1.0, v, 1.0) for v in self.tails(vs))
         law = [fine * bump, *(fine * tail for tail in tails), m.fine_w * bump]
         return m.coarse(np.column_stack(law))
 
-    def tail(self, vs: float) -> float:
-        return min(5 * vs, max(const.TAIL * self.motion.top, 1.5 * vs))
+    def tails(self, vs: float) -> tuple[float, float]:
+        """The speeds (rad/s) over which the short and the long tail fall."""
+        short = 1.5 * vs
+        return short, min(5 * vs, max(const.TAIL * self.motion.top, short))
 
     def grease(self, exponent: float) -> np.ndarray:
         """|w|^exponent sign(w), (n,)."""
@@ -289,7 +291,7 @@ class View:
                     self.others.append(((term.key, k), x, np.inf, made.low[k], made.high[k]))
         self.y, self.late = self.torque(self.u) - self.K @ m.d, self.lateness(self.u)
         known = self.declared.get("J", 0.0) * self.rows.a  # coasting: no torque but that
-        self.force = float(np.sqrt(max(np.mean(self.y**2), np.mean(known**2)))) + 1e-300
+        self.force = float(np.sqrt(max(np.mean(self.y**2), np.mean(known**2)))) + TINY
         self.others += self.offsets(self.force)
 
     def offsets(self, level: float) -> Iterator[tuple]:
@@ -389,7 +391,7 @@ class View:
         """The level of sliding friction (n,), as it is declared where it is."""
         m = self.motion
         made = k["Fc"] + (k["bump"] + k["bend"] * np.abs(m.w)) * level(m.w, 0.0, 1.0, self.vs)
-        for name, v in (("short_tail", 1.5 * self.vs), ("long_tail", self.tail(self.vs))):
+        for name, v in zip(("short_tail", "long_tail"), self.tails(self.vs), strict=True):
             made = made + k[name] * free_level(m.w, 0.0, 1.0, v, 1.0)
         return made
 

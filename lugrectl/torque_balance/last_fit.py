@@ -22,7 +22,15 @@ from ..blocks.friction import free_level
 from ..blocks.model import Stated
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
-from ..core.regression import Prior, left_out_covariance, log_density, memory_blocks, robust, spread
+from ..core.regression import (
+    TINY,
+    Prior,
+    left_out_covariance,
+    log_density,
+    memory_blocks,
+    robust,
+    spread,
+)
 from . import constants as const
 from .columns import changed_input, columns, linear, nonlinear, scaled, slopes, step_of, to_values
 from .friction import OFFSET, WEIGHT, Regression, Term, View
@@ -170,7 +178,7 @@ class Design(Regression):
             rows += [("~", x) for x in np.asarray(weight).T]
         for name, x in rows:
             x = v.K @ x
-            little = const.BACKGROUND * self.level / (rms(x) + 1e-300)
+            little = const.BACKGROUND * self.level / (rms(x) + TINY)
             if name == "offset" and self.constant:
                 little = np.inf
             most = little if self.state.bare else np.inf  # thousands of rows outvote a prior
@@ -439,11 +447,16 @@ class Interval:
             return [apart]
         return memory_blocks(fit.r * fit.w**0.5, const.FEWEST_LEFT_OUT)
 
+    @property
+    def stretches(self) -> int:
+        """How many stretches of the motion are independent."""
+        return int(self.blocks[0][-1]) + 1
+
     @cached_property
     def kappa(self) -> float:
         """Rows that tell as much as one that knows nothing of its neighbours."""
         memory = 4 if self.last.view.apart is None else 1  # blocks are so many memories long
-        return max(const.SEVERAL, len(self.last.fit.r) / (memory * (self.blocks[0][-1] + 1)))
+        return max(const.SEVERAL, len(self.last.fit.r) / (memory * self.stretches))
 
     @property
     def likelihood(self) -> float:
@@ -518,18 +531,13 @@ class Interval:
         ] = 1
         share[[at["Fc"], at["Fv"], *([at["offset"]] if d.constant else [])]] = 1
         share[at["J"]] = const.ALONG * last.fit.free[at["J"]]
-        return share * const.BACKGROUND * level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
-
-    @property
-    def of_constant(self) -> float:
-        """The variance of J by what the motor's constant may differ over the angle."""
-        return float(self._little[self.last.design.names.index("J")] ** 2)
+        return share * const.BACKGROUND * level / np.sqrt(np.mean(d.X**2, axis=0) + TINY)
 
     @cached_property
     def _slopes(self) -> np.ndarray:
         """Derivatives (values, k) of what is reported by the coefficients."""
         d, b = self.last.design, self.last.fit.b
-        sd = np.sqrt(np.maximum(np.diag(self.coefficients), 0.0)) + 1e-300
+        sd = np.sqrt(np.maximum(np.diag(self.coefficients), 0.0)) + TINY
         made = np.zeros((len(self.names), len(b)))
         for j in range(len(b)):
             step = np.zeros(len(b))

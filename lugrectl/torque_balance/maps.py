@@ -20,7 +20,7 @@ from scipy.stats import norm, rankdata
 from ..blocks.block import Block, members
 from ..blocks.model import Model
 from ..core.errors import Refused
-from ..core.regression import Blocks
+from ..core.regression import TINY, Blocks
 from ..record import Stretch
 from . import constants as const
 from .columns import Along, needs_inertia
@@ -244,7 +244,7 @@ class MapView(View):
         off, mean = [0.0], self.by_run(r)
         for x, y in self._ways(mean):
             if len(x) > 2:
-                a = (x[2:] - x[1:-1]) / np.maximum(x[2:] - x[:-2], 1e-300)
+                a = (x[2:] - x[1:-1]) / np.maximum(x[2:] - x[:-2], TINY)
                 e = y[1:-1] - a * y[:-2] - (1 - a) * y[2:]
                 off += (np.abs(e) / np.sqrt(1 + a**2 + (1 - a) ** 2)).tolist()
         own = np.median(np.abs(r - mean[self.apart]))

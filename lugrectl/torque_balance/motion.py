@@ -150,6 +150,18 @@ def joined(x: np.ndarray, at: Sequence[slice]) -> np.ndarray:
     return np.concatenate([x[one] for one in at])
 
 
+def by_piece(
+    function: Callable[[np.ndarray, float], np.ndarray],
+    x: np.ndarray,
+    pieces: Sequence[tuple[slice, float]],
+) -> np.ndarray:
+    """``function(x, dt)`` of each piece of x (n, ...): nothing looks across a cut."""
+    made = np.zeros(x.shape)
+    for at, dt in pieces:
+        made[at] = function(x[at], dt)
+    return made
+
+
 def in_turn(sizes: Sequence[int]) -> tuple[slice, ...]:
     """The places of parts of these sizes, one after the other."""
     ends = np.cumsum([0, *sizes]).tolist()
@@ -371,7 +383,7 @@ class Smoother:
             self.theta = samples.each(
                 lambda w: np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * self.dt], sensors.w
             )
-            self.variance = sensors.w_variance * self.dt**2 * const.DRIFT + 1e-300
+            self.variance = sensors.w_variance * self.dt**2 * const.DRIFT + TINY
         self.of_w = 0.0 if self.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
         self._systems: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -565,13 +577,6 @@ class Motion:
     def __len__(self) -> int:
         return len(self.t)
 
-    def each(self, function: Callable[[np.ndarray, float], np.ndarray], x: np.ndarray):
-        """``function(x, dt)`` of each piece of x (n, ...): nothing looks across a cut."""
-        made = np.zeros(x.shape)
-        for at, dt in self.pieces:
-            made[at] = function(x[at], dt)
-        return made
-
     def held(self, u: np.ndarray) -> np.ndarray:
         """Mean (n,) or (n, k) around each sample of a torque held from each to the next."""
         made = u.copy()
@@ -586,11 +591,7 @@ class Motion:
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         """dx/dt (n,), piece by piece."""
-        return self.each(slope, x)
-
-    def bend(self, x: np.ndarray) -> np.ndarray:
-        """Second derivative of x (n,), piece by piece."""
-        return self.each(bend, x)
+        return by_piece(slope, x, self.pieces)
 
     def coarse(self, X: np.ndarray) -> np.ndarray:
         """Values between the samples (k n,) or (k n, m) -> at the samples."""
@@ -624,8 +625,8 @@ class Motion:
             w = float(t @ x / (t @ t))
             lines.append((w, np.std(x - x.mean() - w * t), np.ptp(x)))
         w, off, way = np.array(lines).T
-        straight = np.all((off < 0.05 * way) & (off < 0.4))
-        return bool(straight and np.ptp(np.abs(w)) < 0.3 * np.mean(np.abs(w)))
+        straight = np.all((off < const.LITTLE * way) & (off < 0.4))
+        return bool(straight and np.ptp(np.abs(w)) < const.PART * np.mean(np.abs(w)))
 
     @cached_property
     def count(self) -> float:

@@ -70,7 +70,6 @@ class Search:
         self.table, self.view, self.sure, self.never = table, table.view, sure, frozenset(never)
         self.memory, self.only = memory, only
         self.linear = self.view.model.motion == "linear"
-        self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
         self.turns = 2 if table.quick and only is None else const.TURNS
@@ -304,7 +303,7 @@ class Search:
         def gain(x: float) -> float:
             made = v.torque(v.changed(block, {key: x})) * table.root
             made = made - Q @ (Q.T @ made)
-            return float((made @ y) ** 2 / (made @ made + 1e-300))
+            return float((made @ y) ** 2 / (made @ made + TINY))
 
         i = int(np.argmax([gain(x) for x in grid]))
         best = golden(gain, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
@@ -352,7 +351,7 @@ class Search:
         if f < 0.84 * slowest or z > 0.95:
             return  # at the edge of what a resonance may be: J that falls with frequency
         self.memory[block.name] = (f, z, *gap) if gap else (f, z, 0.0)
-        cost = np.log(22 * 3) if many == 2 else np.log(3 * const.GAPS)
+        cost = np.log(len(tried) if many == 2 else 3 * const.GAPS)
         yield self._contender(block, self._load(keys, f, z, *gap), cost=float(cost))
 
     def _springs(self, block: Block, keys: Sequence[str]) -> list[tuple[float, float, float]]:

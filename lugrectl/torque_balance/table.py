@@ -55,7 +55,6 @@ class Contender:
     more: Collection[Mapping[str, float]] = ()  # values of other effects of this name at once
 
     # once entered
-    fit: Fit = field(init=False)
     X: np.ndarray = field(init=False)
     y: np.ndarray = field(init=False)
     full: Prior = field(init=False)
@@ -229,7 +228,7 @@ class Table:
         if c.inertial or c.u is not None:  # another torque has another inertia
             prior = prior.but(0, low=0.0, high=np.inf)
         fit = robust(X, y, prior, self.scale, v.noise, self.root**2, turns=4)
-        c.fit, c.X, c.y, c.full = fit, X, y, prior
+        c.X, c.y, c.full = X, y, prior
         at, a = len(self.prior), v.rows.a
         c.b, c.J = fit.b[at:], float(fit.b[0])
         if c.inertial:  # the part of the inertia that it has taken

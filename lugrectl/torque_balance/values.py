@@ -14,6 +14,7 @@ from ..blocks.block import Block, is_ours, members, unit_for
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
+from ..core.regression import TINY
 from ..estimates.findings import Balance, Combination, CurvePoint, Estimate, Joint, Residual
 from ..record import Stretch
 from . import constants as const
@@ -148,7 +149,7 @@ def _certain(
     last: LastFit, known: Mapping[str, Value], values: Mapping[str, Value], sure: bool
 ) -> set[str]:
     """Which of J, Fc and Fv are an answer alone."""
-    v, level = last.view, abs(values["sum"][0]) + 1e-300
+    v, level = last.view, abs(values["sum"][0]) + TINY
     wide = {k: known[k][2] - known[k][1] for k in ("Fc", "Fv")}
     made = {"J"} if sure and "J" in known and tells(known["J"]) else set[str]()
     if v.several:  # at one speed only the sum is known
@@ -499,5 +500,5 @@ def law_values(last: LastFit, model: Model) -> dict[str, float]:
 
     bounds = (-const.FURTHEST_LOG, const.FURTHEST_LOG)
     made = least_squares(off, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",
-                         diff_step=1e-3, max_nfev=const.MOST_EVALUATIONS)  # fmt: skip
+                         diff_step=const.SLIGHT, max_nfev=const.MOST_EVALUATIONS)  # fmt: skip
     return values(made.x)

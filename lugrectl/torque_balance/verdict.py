@@ -19,7 +19,7 @@ from ..blocks.block import is_ours, members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
-from ..core.regression import Prior, log_density, paired, robust, spread
+from ..core.regression import TINY, Prior, log_density, paired, robust, spread
 from ..record import Stretch
 from . import constants as const
 from .columns import refused
@@ -216,7 +216,7 @@ class Decision:
         last = best_law(view, state, table.scale, straight=True)
         r = last.fit.r * last.scale / table.scale
         e = view.blocks.seen(r, table.stretch(last.values["J"]))
-        return e, int(Interval(last).blocks[0][-1]) + 1
+        return e, Interval(last).stretches
 
     def _extend(self, c: Contender) -> None:
         """c joins the base; what is left decides: a further name, an unknown torque, or none."""
@@ -389,9 +389,9 @@ class Unseen:
 
 def gain(without: Unseen, other: Unseen, duration: float) -> float:
     """By how many standard errors ``other`` predicts held-out stretches better, by log density."""
-    stretch = (without.t / max(const.BLOCK, duration / 60)).astype(int)
+    stretch = (without.t / max(const.BLOCK, duration / const.LONG_BLOCKS)).astype(int)
     there = np.bincount(stretch) > 0
-    scale = spread(other.r) + 1e-300
+    scale = spread(other.r) + TINY
     both = [np.bincount(stretch, log_density(one.r / scale))[there] for one in (other, without)]
     total, error = paired(*both)
     return total / error
@@ -399,7 +399,7 @@ def gain(without: Unseen, other: Unseen, duration: float) -> float:
 
 def _far(r: np.ndarray) -> float:
     """From where on a row is far off, and counts no more."""
-    return 2 * const.CLIP * spread(r) + 1e-300
+    return 2 * const.CLIP * spread(r) + TINY
 
 
 def lasting(r: np.ndarray, rows: Rows) -> float:
@@ -578,7 +578,7 @@ class _Judge:
         if not (d.table.chosen or d.parts):
             return False
         last = LastFit(d.view, state_of(d.table), d.table.scale)
-        return bool(Interval(last).blocks[0][-1] + 1 < const.FEW)
+        return Interval(last).stretches < const.FEW
 
     def keep(self, whole: Decision) -> None:
         """Of the names of training rows those that all rows have, too."""
@@ -798,7 +798,7 @@ class _Judge:
             return
         sensors: Sensors = self.view.motion.sensors
         lag, error = sensors.lag, sensors.lag_error
-        late = lag > max(const.LATE_W, 5 * error) and abs(sensors.gain - 1) < 0.1
+        late = lag > max(const.LATE_W, 5 * error) and abs(sensors.gain - 1) < const.NEAR
         if not late or LAG_NAME in {t.name for t in self.view.terms}:
             return
         made.notes.append(LATE_SPEED.format(1e3 * lag))

@@ -132,7 +132,7 @@ class Probe:
 
     def __init__(self, motion: Motion, h: float, declared: Declared) -> None:
         self.h, self.declared = h, declared
-        direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
+        direction = np.tanh(motion.w / max(const.STANDS * motion.top, 1e-12))
         late, none = motion.slope(motion.u), np.ones(len(motion))
         signals = np.column_stack([direction, motion.w, none, late, declared.place])
         X, y, moves, variance, thin, t = [], [], [], [], [], []
@@ -141,7 +141,7 @@ class Probe:
             t.append(motion.elapsed[at][middle])
             X.append(np.column_stack([a, K @ signals[at]]))
             y.append(K @ motion.u[at])
-            moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
+            moves.append(K @ np.abs(motion.w[at]) > const.STANDS * motion.top)
             variance.append(np.full(len(a), own))
             thin.append(a[::2])  # windows that share no sample
         moving = np.concatenate(moves)
@@ -194,7 +194,7 @@ class Probe:
     def _memory(self) -> float:
         """Rows that tell as much as one that knows nothing of its neighbours."""
         r = self.r
-        power = float(np.mean(r * r)) + 1e-300
+        power = float(np.mean(r * r)) + TINY
         c = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
         return 1 + 2 * sum(max(0.0, one) for one in c)
 
@@ -244,7 +244,7 @@ class Width:
         good = [p for p in self.tried if self._calm(p) and p.lost < const.LITTLE]
         good = self._undeclared(good) if declared.J is None else self._declared(grid, good)
         last = self.tried[-5:]
-        self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < 0.05
+        self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < const.LITTLE
         # a balance that explains all else excludes the declared inertia, and finds none
         least = const.LITTLE * (declared.J or 0.0)
         self.against = all(
@@ -277,7 +277,7 @@ class Width:
         J, p = self.declared.J, good[0] if good else self.tried[-1]
         assert J is not None
         lost = p.J + 3 * p.error < 0.7 * J
-        if lost or not any(q.error < 0.3 * J for q in self.tried):
+        if lost or not any(q.error < const.PART * J for q in self.tried):
             self._try([h for h in grid if h > self.tried[-1].h], False)
             wide = self._undeclared(self.tried)
             if self.sure:
@@ -286,7 +286,7 @@ class Width:
         return good
 
     def _undeclared(self, good: list[Probe]) -> list[Probe]:
-        known = [p for p in self.tried if p.J > 0 and p.error < 0.3 * p.J]
+        known = [p for p in self.tried if p.J > 0 and p.error < const.PART * p.J]
         told = [p for p in known if p.error < 0.15 * p.J]
 
         def lost(p: Probe) -> float:
@@ -301,8 +301,8 @@ class Width:
         if self.sure:
             first = good[0]
             near = [p.J for p in known if first.h <= p.h < const.SEVERAL * first.h]
-            half = max(3 * first.error, float(np.ptp(near)), 0.05 * first.J)
-            if half < 0.3 * first.J:
+            half = max(3 * first.error, float(np.ptp(near)), const.LITTLE * first.J)
+            if half < const.PART * first.J:
                 self.range = first.J - half, first.J + half
         return good
 
@@ -326,7 +326,7 @@ def fine_wave(motion: Motion, h: float) -> float:
     n = n[(n * speed * motion.dt < 1.2) & (n * speed * h > 5)]
     if not len(n):
         return 0.0
-    turn, r, power = np.exp(1j * th), r - r.mean(), np.var(r) + 1e-300
+    turn, r, power = np.exp(1j * th), r - r.mean(), np.var(r) + TINY
     wave, part = turn ** n[0], []
     for _ in n:
         part.append(2 * abs(np.mean(r * wave)) ** 2 / power)

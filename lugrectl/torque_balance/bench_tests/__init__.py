@@ -27,30 +27,27 @@ from ...blocks.friction import level
 from ...blocks.model import Model
 from ...core.display import number
 from ...core.numeric import Z95, rms
-from ...core.regression import spread
+from ...core.regression import TINY, spread
 from ...core.result import plain
 from ...estimates.findings import ALONE, ONE_WAY, BenchTable, BenchTest, Estimate, in_words
 from ...record import Log
 from ...record.samples.rows import Stamped
 from ...record.signal_noise import quantum, repeats, white_noise
+from ...record.signal_noise import spread as without_peaks
 from ...record.uniform_time import usable
+from ..constants import AGAIN, FIRSTS, KNOWN, LEAST_ROWS, LITTLE, SEVERAL, SLIGHT, STANDS
 
 # ---- the motion and the torque of one log
 
 
-RARE = 0.01  # of the rows at either end, which tell no span: peaks of a loop
-JUMP = 0.02  # of the span of u, from which a change within a row is a step
-FLAT = 0.02  # of the span of u, by which a held torque may differ from its mean (RMS)
-STRAIGHT = 0.02  # of its own height, by which a ramp may differ from a line (RMS)
+FLAT = 0.02  # of the span of u, of a ramp's own height, of the largest torque: less is none
 CERTAIN = 5.0  # standard deviations of noise, that are no step of u and no motion
+NOISE = 3.0  # standard deviations of the noise that are allowed beside a motion
 MOST = 400  # bends: a torque with more is no bench test's
 SHORTEST = 4  # rows of a piece
-ROWS = 30  # of a test, at least
 WINDOWS = (1, 3, 5, 9, 17, 33, 65, 129)  # rows over which a speed is a mean or a slope
-SMOOTH = 0.01  # of the top speed, to which its noise is brought down
 LEVELS = 12  # of u: of fewer no register is known
 FEW = 16  # rows, for which a speed may stay the same before it is stale
-SLOW = 0.01  # of the top speed below which the axis rests
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +86,7 @@ class Motion:
             of = {"polyorder": int(self.angle), "deriv": int(self.angle), "delta": self.dt}
             v = np.asarray(savgol_filter(self.y, rows, **of))
             noise = self.noise * float(np.linalg.norm(savgol_coeffs(rows, **of)))
-            if noise < SMOOTH * _top(v) or 4 * rows > len(self):
+            if noise < STANDS * _top(v) or 4 * rows > len(self):
                 break
         return v, noise, rows
 
@@ -104,7 +101,7 @@ class Motion:
     @cached_property
     def still(self) -> float:
         """The speed below which the axis rests."""
-        return max(CERTAIN * self.speeds[1], SLOW * _top(self.v))
+        return max(CERTAIN * self.speeds[1], STANDS * _top(self.v))
 
     @cached_property
     def side(self) -> np.ndarray:
@@ -120,9 +117,9 @@ class Motion:
     def pieces(self) -> list[Piece]:
         """The torque between its steps and its bends (Douglas and Peucker, 1973)."""
         t, u = self.t, self.u
-        span = float(np.ptp(np.quantile(u, (RARE, 1 - RARE)))) or float(np.ptp(u))
+        span = without_peaks(u)
         noise = spread(np.diff(u)) / np.sqrt(2)
-        far = JUMP * span + CERTAIN * noise
+        far = FLAT * span + CERTAIN * noise
         jumps = np.flatnonzero(np.abs(np.diff(u)) > far) + 1
         left = [ends for ends in pairwise([0, *jumps.tolist(), len(u)])][::-1]
         made, bends = [], 0
@@ -143,7 +140,7 @@ class Motion:
         t, u = self.t[at] - self.t[at.start], self.u[at]
         slope, level = np.polyfit(t, u, 1)
         height = abs(slope) * t[-1]
-        straight = float(np.std(u - level - slope * t)) < STRAIGHT * height + step
+        straight = float(np.std(u - level - slope * t)) < FLAT * height + step
         if straight and height > 5 * FLAT * span > 0:
             return Piece(at, float(level), float(slope), False, True)
         return Piece(at, float(np.mean(u)), 0.0, bool(np.std(u) <= FLAT * span + step), False)
@@ -166,7 +163,7 @@ def _motion(rows: Stamped, part: slice, role: str) -> Motion | None:
     t, u, y = rows.t[part], rows.channels["u"][part], rows.channels[role][part]
     good = np.isfinite(t) & np.isfinite(u) & np.isfinite(y)
     t, u, y = t[good], u[good], y[good]
-    if len(t) < ROWS or np.any(np.diff(t) <= 0):
+    if len(t) < LEAST_ROWS or np.any(np.diff(t) <= 0):
         return None
     x, fresh = y, np.ones(len(t), bool)
     if role == "w":
@@ -182,11 +179,9 @@ def _motion(rows: Stamped, part: slice, role: str) -> Motion | None:
 
 
 CLEARLY = 4.0  # standard errors from which a further term is there
-STROKES = 6  # from which on they are repetitions enough to tell an error
 LEAST = 8  # fresh rows of a stroke
 FAST = 0.1  # of the top speed of a stroke: slower, friction may be above its Coulomb level
 SCALE = 1e-3  # relative error of any scale and clock, standard deviation
-TINY = 1e-300
 Values = Mapping[str, float]
 Columns = dict[str, np.ndarray]
 
@@ -207,7 +202,7 @@ class Fitted:
         """A function of the coefficients with its standard error."""
         value, slopes = what(self.p), []
         for name, error in zip(self.p, np.sqrt(np.diag(self.V)), strict=False):
-            step = 1e-3 * error + TINY
+            step = SLIGHT * error + TINY
             ahead, behind = (what({**self.p, name: self.p[name] + s}) for s in (step, -step))
             slopes.append((ahead - behind) / (2 * step))
         return float(value), float(np.sqrt(np.maximum(slopes @ self.V @ slopes, 0.0)))
@@ -242,7 +237,7 @@ def solved(
     cost, strokes = float(r @ r), len(ends) - 1
     rows = free if white else free / min(memory(r), free / 4 + 1)
     V, freedom = H * max(cost / free, known) * free / rows, rows
-    if strokes >= STROKES:
+    if strokes >= AGAIN:
         M = np.array([B[a:b].T @ r[a:b] for a, b in pairwise(ends)])
         apart = H @ (M.T @ M) @ H * strokes / (strokes - 1)
         more = np.sqrt(np.maximum(np.diag(apart) / np.diag(V), 1.0))
@@ -354,8 +349,6 @@ def best(
 # ---- what the tests have in common
 
 
-KNOWN = 0.25  # of a value, by which one value of a test must be known
-ZERO = 0.02  # of the largest torque: less is none
 EXPLAINED = 0.015  # of the motion, beyond the noise, that may be left of a test
 Found = Mapping[str, Estimate]
 
@@ -373,7 +366,7 @@ class Bench:
         return sum(int(np.count_nonzero(one.side)) for one in self.motions)
 
     def free(self, one: Motion) -> list[slice]:
-        least = ZERO * max(float(np.abs(one.u).max()) for one in self.motions)
+        least = FLAT * max(float(np.abs(one.u).max()) for one in self.motions)
         return [p.at for p in one.pieces if p.held and abs(p.level) <= least]
 
     def value(self, fit: Fitted, what: Callable[[Values], float], unit: str) -> Estimate:
@@ -438,7 +431,7 @@ def _coasts(one: Motion, free: Sequence[slice]) -> list[Stroke]:
         v = np.abs(one.v[at])
         if len(v) > 3 * one.window and v[-1] < DIES * v[0]:
             rises = np.maximum.accumulate(v[::-1])[::-1] - v
-            if np.all(rises < 0.05 * v[0] + 3 * one.speeds[1]):
+            if np.all(rises < LITTLE * v[0] + NOISE * one.speeds[1]):
                 found += stroked(one, at)
     return found
 
@@ -489,7 +482,6 @@ def _is_held(one: Motion) -> bool:
 
 
 G = 9.81  # m/s2
-HALVES = 3  # half-swings, at least
 SWUNG = 0.02  # rad, of a half-swing, at least
 PER_PART = 2  # half-swings, over which an integral keeps its noise small
 
@@ -497,7 +489,7 @@ PER_PART = 2  # half-swings, over which an integral keeps its noise small
 def free_swing(bench: Bench) -> BenchTest | None:
     """Length, gravity, damping and friction of the longest swing, for each unit of inertia."""
     swings = [(one, halves) for one in bench.motions for at in bench.free(one)
-              for halves in _alternating(one, at) if len(halves) >= HALVES]  # fmt: skip
+              for halves in _alternating(one, at) if len(halves) >= SEVERAL]  # fmt: skip
     if not swings or bench.motion != "rotary":
         return None
     one, halves = max(swings, key=lambda swing: len(swing[1]))
@@ -538,7 +530,6 @@ def _alternating(one: Motion, at: slice) -> list[list[slice]]:
 # ---- breakaway ramps: the torque rises until the axis runs away
 
 
-BREAKS = 3  # breakaways, at least
 RAMPS, MOSTLY = 0.3, 0.8  # of the rows: ramps that end in motion; these and held torque
 REST = 5  # rows of rest before a breakaway
 
@@ -550,7 +541,7 @@ def breakaway_ramps(bench: Bench) -> BenchTest | None:
     tried = [(p.at, _breakaway(one, p)) for one, p in parts if p.ramp]
     found = [b for _, b in tried if b is not None]
     ramps = _rows([at for at, b in tried if b is not None])
-    if len(found) < BREAKS or ramps < RAMPS * every or ramps + held < MOSTLY * every:
+    if len(found) < SEVERAL or ramps < RAMPS * every or ramps + held < MOSTLY * every:
         return None
     torque, known, angle = np.array(found).T
     ways = {"Fs_forward": torque > 0, "Fs_backward": torque < 0}
@@ -586,7 +577,7 @@ def _breakaway(one: Motion, ramp: Piece) -> tuple[float, float, float] | None:
     before = max(stroke.start - one.window - REST, ramp.at.start)
     rest = np.median(one.y[max(before - 2 * REST, ramp.at.start) : before + 1])
     moved = side * (one.y[before : stroke.stop] - rest)
-    seen = len(moved) - int(np.argmax(moved[::-1] <= 3 * one.noise))
+    seen = len(moved) - int(np.argmax(moved[::-1] <= NOISE * one.noise))
     far = (moved > moved[min(seen, len(moved) - 1)] * (8 if one.angle else 4)).nonzero()[0]
     if not len(far) or seen >= len(moved):
         return None
@@ -609,7 +600,6 @@ SCANNED = 0.5  # of the moving rows that are scans
 CELLS = 360  # of a turn, over which rows are averaged
 BINS = 72  # of a turn in the table
 ORDERS = range(1, 41)  # per turn
-LARGEST = 6  # harmonics that are named
 
 
 def slow_scan(bench: Bench) -> BenchTest | None:
@@ -635,7 +625,7 @@ def slow_scan(bench: Bench) -> BenchTest | None:
 
     values = {"Fc": value(lambda p: p["Fc"])}
     size = {n: value(lambda p, n=n: float(np.hypot(p[f"cos{n}"], p[f"sin{n}"]))) for n in ORDERS}
-    for n in sorted(size, key=lambda n: -size[n].value)[:LARGEST]:
+    for n in sorted(size, key=lambda n: -size[n].value)[:FIRSTS]:
         if (size[n].ci95 or (0.0,))[0] > 0.5 * size[n].value:
             values[f"cogging.{n}"] = size[n]
     speed = number(float(np.abs(w).mean()), 3)
@@ -693,7 +683,6 @@ def _over_turn(x: np.ndarray, u: np.ndarray, ahead: np.ndarray) -> BenchTable:
 BLOCK = 0.1  # s, over which a speed is taken
 MANY = 3000  # blocks of a log
 KEEPS = 0.06  # of its speed, within which a plateau keeps it
-NOISE = 3.0  # standard deviations of the noise that are allowed beside it
 FEWEST = 4  # blocks of a plateau
 SETTLING = 0.3  # of a plateau, at its start, in which the loop settles
 STEADY = 0.004  # of its speed, by which the second half of a plateau may differ
@@ -703,7 +692,6 @@ COVERED = 0.6  # of the moving rows, that must be on plateaus
 PARTS = 8  # of a plateau, at most, whose scatter tells its error
 SLOWLY = 2.0  # times its change from row to row, by which a torque wanders: no noise of a loop
 SWINGING = 0.25  # of the torque's RMS, by which its mean is no friction where the speed swings
-SCATTERED = 0.05  # of the torque, by which the points may be off their curve
 TRIED, LOWEST = 200, 0.25  # speeds of a fall of friction, and the first over the slowest plateau
 SURELY = 16.0  # chi square by which a fall of friction, three more values, lowers the misfit
 TOO_FAST = "No plateau is slow and steady enough for Fs and vs."
@@ -783,7 +771,7 @@ def _stribeck(bench: Bench, w: np.ndarray, u: np.ndarray, error: np.ndarray) -> 
     if vs and made.cost - fits[vs].cost > SURELY * max(fits[vs].cost / fits[vs].rows, 1.0):
         bend = fits[vs].p["fall"] * (fallen(1.01 * vs) - fallen(vs / 1.01)) / np.log(1.01**2)
         made = solved(columns | {"fall": fallen(vs), "log": bend}, y, white=True) or made
-    if made.left * np.median(error) > SCATTERED * np.abs(u).mean() or made.p["Fc"] <= 0:
+    if made.left * np.median(error) > LITTLE * np.abs(u).mean() or made.p["Fc"] <= 0:
         return None  # on no curve, or no friction: the axis only seems to keep its speed
     values = {"Fc" + more: bench.value(made, lambda p: p["Fc"], "N m"),
               "Fv": bench.value(made, lambda p: p["Fv"], "N m s/rad")}  # fmt: skip
