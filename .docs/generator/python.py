@@ -10,8 +10,7 @@ import lugrectl as lg
 from .rst import escaped, filled, literal, prose, table, title, toctree
 
 TOPICS = {  # topic: the modules whose public names it holds
-    "blocks": "blocks.block blocks.declaration blocks.plant "
-    "blocks.table simulation.sampled_block",
+    "blocks": "blocks.block blocks.declaration blocks.plant blocks.table simulation.sampled_block",
     "observers": "blocks.observers bench.observers",
     "controllers": "blocks.controllers blocks.sliding_control",
     "laws": "",
