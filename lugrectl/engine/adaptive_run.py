@@ -7,6 +7,7 @@ without bound, is no number, or never settles.
 from __future__ import annotations
 
 import contextlib
+import copy
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -217,11 +218,13 @@ class Engine:
         return other
 
     def loaded(self) -> Engine:
-        """A portable run, compiled with what a worker has: its machine code is in the cache."""
-        if self.backend != "python":
-            self.backend = compiler() or self.backend
-        self._runs = {}
-        return self
+        """A copy of a portable run for one worker, compiled with what it has: threads share this
+        one, and machine code is in the cache."""
+        other = copy.copy(self)
+        if other.backend != "python":
+            other.backend = compiler() or other.backend
+        other._runs = {}
+        return other
 
     def _text(self, kind: str) -> str:
         if kind not in self._code:

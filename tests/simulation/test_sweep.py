@@ -16,6 +16,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine import adaptive_run
+from lugrectl.engine.tracer import Net, traced_net
 from lugrectl.simulation.sweep import parameter_columns
 
 from ..cases.ensembles import T, growth, lag, last, noise, ramp, step_response
@@ -56,6 +57,14 @@ def test_compiled_on_threads_as_in_plain_python(monkeypatch: pytest.MonkeyPatch)
     for jobs, chunk in ((2, 2), (1, None), (3, 1)):
         fast = lg.sweep(lag(), T, 1.0, TABLE, jobs=jobs, chunk=chunk)
         assert np.allclose(fast.y, plain.y, rtol=1e-12, atol=1e-15)
+
+
+def test_a_worker_leaves_the_code_that_threads_share_as_it_is() -> None:
+    shared = adaptive_run.Engine(traced_net(Net.of(lag())), "c").portable()
+    first, before = shared.loaded(), dict(vars(shared))
+    first._runs["c"] = "in use"
+    assert shared.loaded() is not first and first._runs == {"c": "in use"}
+    assert vars(shared) == before
 
 
 def test_every_form_of_a_table_says_the_same() -> None:
