@@ -33,7 +33,11 @@ ADD = (  # what, in which room, how
     ("an effect, a friction law", "blocks", "one function with ``@block`` and its equation"),
     ("where its values are searched", "torque_balance", "``search`` reads its declaration"),
     ("an observer, a controller", "blocks", "one function; it is in all comparisons by its name"),
-    ("a file format", "record", "a reader beside the others"),
+    (
+        "a file format",
+        "record",
+        "a reader beside the others, or an entry point in ``lugrectl.readers``",
+    ),
     ("a check of a linear system", "linear", "a function that returns a result with a picture"),
     ("a sentence of an answer", "diagnosis", "beside what it is about, once"),
     ("a number on which an answer depends", "the room that uses it", "with its meaning"),

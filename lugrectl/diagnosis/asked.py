@@ -24,7 +24,7 @@ from ..core.validation import is_file, positive, share, whole
 from ..estimates.findings import AGAINST_HELD, LEVELS, Balance, BenchTest, Estimate
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
 from ..record.as_record import as_holdout, as_logs
-from ..record.files.readers import MODEL, SUFFIXES
+from ..record.files.readers import MODEL, suffixes
 from ..torque_balance.bench_tests import bench_tests
 from ..torque_balance.constants import ALPHA, BEYOND, FLOOR, KNOWN, LITTLE, MOSTLY, MUCH
 from ..torque_balance.maps import is_map
@@ -140,7 +140,7 @@ def settings(
 
 def refuse_swapped(logs: Iterable[Any], model: Any) -> None:
     """InputError where the model is the file of a log, and one of the logs that of a model."""
-    if is_file(model) and Path(model).suffix.lower() in SUFFIXES:
+    if is_file(model) and Path(model).suffix.lower() in suffixes():
         for log in logs:
             if is_file(log) and Path(log).suffix.lower() == MODEL:
                 raise InputError(f"{log} is a model and {model} is a log: swap them.")

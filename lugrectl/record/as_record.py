@@ -17,7 +17,7 @@ from ..core.errors import InputError, Refused
 from ..core.validation import as_path, is_file, like_it, shown
 from .columns.table import FORMS, is_table
 from .consistency import audit, fitting_speed, unit_mistake
-from .files.readers import SUFFIXES, read_table
+from .files.readers import read_table, suffixes
 from .log import Log, rows_of
 from .record import Record
 from .samples.rows import REQUIRED
@@ -36,7 +36,9 @@ def read_record(
     """Read a measured log: text, JSON, MAT, NPY, NPZ; with ``files`` HDF5, Parquet, Excel.
 
     Bad samples are found first and left out; the record's messages name them. ``record.log``
-    keeps the rows as they were recorded.
+    keeps the rows as they were recorded. Files of other formats are read by the package that
+    offers for their ending, say mf4, the entry point ``mf4 = "package:function"`` in the group
+    ``lugrectl.readers``: its function makes a dict of columns or a DataFrame of a path.
 
     Parameters
     ----------
@@ -251,7 +253,7 @@ def files_of(name: str | Path, folders: bool = True) -> list[Path]:
     if folders and path.is_dir():
         files = [p for p in path.iterdir() if _is_record(p)]
         if not files:
-            raise InputError(f"{path} holds no record ({', '.join(SUFFIXES)}).")
+            raise InputError(f"{path} holds no record ({', '.join(suffixes())}).")
         return sorted(files, key=_natural)
     if os.path.lexists(path) or not glob.has_magic(str(path)):
         return [path]
@@ -271,7 +273,7 @@ def passed_over(logs: Iterable[Any]) -> list[Path]:
 
 def _is_record(path: Path) -> bool:
     hidden = path.name.startswith(".")
-    if path.suffix.lower() not in SUFFIXES or hidden or not path.is_file():
+    if path.suffix.lower() not in suffixes() or hidden or not path.is_file():
         return False
     if path.suffix.lower() in _LOOSE:
         try:

@@ -1,6 +1,10 @@
 """Text, MAT and NPZ files: every layout that is understood, every one that is named and refused."""
 
+import sys
 import time
+from functools import cache
+from importlib.metadata import EntryPoint
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +12,8 @@ import scipy.io
 
 from lugrectl.core.errors import InputError
 from lugrectl.record import read_log, read_record
+from lugrectl.record.as_record import files_of
+from lugrectl.record.files import readers
 from lugrectl.record.files.readers import read_table
 
 from ..cases.logs import csv, machine, refused, rows, write
@@ -133,3 +139,36 @@ def test_extra_formats_name_their_extra(tmp_path, monkeypatch, name, start, modu
     monkeypatch.setitem(__import__("sys").modules, module, None)
     (tmp_path / name).write_bytes(start + b" " * 600)
     refused(InputError, tmp_path / name, 'pip install "lugrectl[files]"', name)
+
+
+# ---- readers of other packages ----------------------------------------------------------
+
+
+@pytest.fixture
+def other_package(monkeypatch):
+    """A package that reads files with the ending mf4."""
+    made = machine()
+    made["w [rpm]"] = made.pop("w") * 30 / np.pi
+    package = SimpleNamespace(read=lambda path: made)
+    monkeypatch.setitem(sys.modules, "other_package", package)
+    entry = EntryPoint("mf4", "other_package:read", "lugrectl.readers")
+    monkeypatch.setattr(readers, "entry_points", lambda group: [entry])
+    monkeypatch.setattr(readers, "_installed", cache(readers._installed.__wrapped__))
+    return package
+
+
+def test_a_file_of_another_package_is_a_log_like_the_others(tmp_path, other_package):
+    path = write(tmp_path / "a.MF4", "no text of numbers")
+    record = read_record(path)
+    np.testing.assert_array_equal(record.u, machine()["u"])
+    np.testing.assert_allclose(record.w, machine()["w"])
+    assert files_of(tmp_path) == [path]
+
+
+def test_its_errors_are_one_sentence(tmp_path, other_package):
+    path = write(tmp_path / "a.mf4", "x")
+    for answer in (1.5, {"t": [1.0]}):
+        other_package.read = lambda path, answer=answer: answer
+        refused(InputError, path, "a.mf4")
+    other_package.read = None
+    refused(InputError, path, "a.mf4 is not a readable MF4 file")

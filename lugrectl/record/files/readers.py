@@ -13,6 +13,8 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +26,8 @@ from ..columns.table import Table, array_table, heads_of, seconds_of
 from . import child_process
 from .text import is_stamp, read_text, seconds, text_table
 
-# Endings of the files that can be read; in a folder, files of others are passed over.
-SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
+# Endings of the files that are read here; in a folder, files of others are passed over.
+_SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
 MODEL = ".toml"
 # Beginnings of files that others may take for a log, and what to do.
 _OTHERS = {
@@ -42,8 +44,20 @@ _SHORT = 0.01  # of the longest column; shorter ones are parameters, no samples
 Flat = Iterator[tuple[str, str, np.ndarray]]  # path, label, values
 
 
+@cache
+def _installed() -> dict[str, EntryPoint]:
+    """The readers of other packages, by the ending of their files."""
+    return {f".{one.name.lower()}": one for one in entry_points(group="lugrectl.readers")}
+
+
+def suffixes() -> tuple[str, ...]:
+    """The endings of the files that can be read."""
+    return *_SUFFIXES, *_installed()
+
+
 def read_table(path: str | Path) -> Table:
-    """Open a file of columns; its first bytes, not its name, decide its format."""
+    """Open a file of columns; its first bytes, not its name, decide its format, unless another
+    package reads files with its ending."""
     path = Path(path)
     try:
         if path.is_dir():
@@ -58,22 +72,33 @@ def read_table(path: str | Path) -> Table:
         raise InputError(f"{path.name} is empty.")
     if path.suffix.lower() == MODEL:
         raise InputError(f"{path.name} is a model file, not a log: give it as the model.")
-    for start, what in _OTHERS.items():
-        if head.startswith(start):
-            raise InputError(f"{path.name} is no log that can be read: it is {what}.")
-    is_json = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
-    kind, read = next(
-        ((kind, read) for start, kind, read in _READERS if head.startswith(start)),
-        ("MAT", _mat)
-        if path.suffix.lower() == ".mat"
-        else ("JSON", _json if is_json else read_text),
-    )
+    kind, read = _reader(path, head)
     try:  # libraries raise many kinds of errors on a damaged file
         return read(path)
     except InputError:
         raise
     except Exception as error:
         raise InputError(f"{path.name} is not a readable {kind} file: {_why(error)}.") from None
+
+
+def _reader(path: Path, head: bytes) -> tuple[str, Callable[[Path], Table]]:
+    """The name of the format, and what reads it."""
+    ending = path.suffix.lower()
+    if ending in _installed():
+        return ending[1:].upper(), lambda path: _by_another(_installed()[ending], path)
+    for start, what in _OTHERS.items():
+        if head.startswith(start):
+            raise InputError(f"{path.name} is no log that can be read: it is {what}.")
+    for start, kind, read in _READERS:
+        if head.startswith(start):
+            return kind, read
+    is_json = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
+    return ("MAT", _mat) if ending == ".mat" else ("JSON", _json if is_json else read_text)
+
+
+def _by_another(reader: EntryPoint, path: Path) -> Table:
+    """The columns that ``reader`` of another package gives for a path, as a mapping or a table."""
+    return nested_table(path.name, dict(reader.load()(path)))
 
 
 def read_stdin() -> tuple[Table, bytes]:
