@@ -147,7 +147,7 @@ def test_extra_formats_name_their_extra(tmp_path, monkeypatch, name, start, modu
 @pytest.fixture
 def other_package(monkeypatch):
     """A package that reads files with the ending mf4."""
-    made = machine()
+    made = dict(machine())
     made["w [rpm]"] = made.pop("w") * 30 / np.pi
     package = SimpleNamespace(read=lambda path: made)
     monkeypatch.setitem(sys.modules, "other_package", package)
