@@ -370,5 +370,5 @@ def is_steady(value: Any) -> bool:
         return is_ours(value.__module__) and value.__closure__ is None
     if not is_ours(type(value).__module__):
         return False
-    frozen = is_dataclass(value) and type(value).__dataclass_params__.frozen  # pyright: ignore
+    frozen = is_dataclass(value) and type(value).__dataclass_params__.frozen
     return frozen and all(is_steady(getattr(value, f.name)) for f in fields(value))

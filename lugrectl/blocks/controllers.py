@@ -169,7 +169,7 @@ def _built(
         return free.system(**names, **gains)
     time = tracking_time(gains["kp"], gains["ki"], tracking, of)
     made = _Held(free, own=limit is not None).block()
-    own = {} if limit is None else {"limit": limit}
+    own: dict[str, Any] = {} if limit is None else {"limit": limit}
     return made.system(**names, **gains, tracking=time, **own)
 
 

@@ -138,7 +138,7 @@ def _from_drive(made: Block) -> list[str]:
 def believed(made: Block, p: Parameters | Model, **given: Any) -> ct.NonlinearIOSystem:
     """An observer or controller with those of J and the LuGre parameters that it has, from p."""
     model = as_model(p, "p")
-    needed = {k: model.values().get(k) for k in _from_drive(made) if k not in given}
+    needed: dict[str, Any] = {k: model.values().get(k) for k in _from_drive(made) if k not in given}
     if missing := [k for k, value in needed.items() if value is None]:
         raise InputError(
             f"{made.name} needs {', '.join(missing)}, which {model.name} does not give; "

@@ -311,7 +311,7 @@ def sensor(p: Parameters | Model, **names: Unpack[Names]):
 
 
 def _system(made: Block, model: Model, names: Names) -> ct.NonlinearIOSystem:
-    values = {k: v for k, v in model.values().items() if k in made.parameters}
+    values: dict[str, Any] = {k: v for k, v in model.values().items() if k in made.parameters}
     missing = [k for k, v in values.items() if v is None]
     if missing:
         what = "has no value; identify it" if len(missing) == 1 else "have no values; identify them"

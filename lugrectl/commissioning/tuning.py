@@ -564,7 +564,7 @@ class Tuning(Result):
         """
         if self.model is None:
             raise InputError("an observer needs a model with friction: give model= to tune.")
-        own = {"rate": self.rate, "delay": self.dead_time, "bandwidth": self.crossover}
+        own: Any = {"rate": self.rate, "delay": self.dead_time, "bandwidth": self.crossover}
         return recommend_observer(self.model, **(own | known))
 
     def plot(self) -> Sequence[Any]:

@@ -89,4 +89,4 @@ def restored(cls: type, state: dict[str, Any]) -> Any:
 
 PICKLED = (BlockSystem, ct.NonlinearIOSystem, ct.StateSpace, ct.InterconnectedSystem)
 for _class in (*PICKLED, LinearICSystem):
-    copyreg.pickle(_class, _reduced)  # pyright: ignore[reportArgumentType]
+    copyreg.pickle(_class, _reduced)

@@ -104,7 +104,7 @@ def in_cell() -> Callable[[float | None, str], None]:
     place: list[Any] = []
 
     def draw(fraction: float | None, what: str) -> None:
-        from IPython.display import HTML, display  # pyright: ignore[reportMissingModuleSource]
+        from IPython.display import HTML, display
 
         words = f"{100 * (fraction or 0.0):.0f} % {html.escape(what)}"
         text = f'<progress max="1" value="{fraction or 0.0:.3f}"></progress> {words}'

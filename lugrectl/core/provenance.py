@@ -88,7 +88,7 @@ def stamp(result: R, command: str, inputs: Iterable[Any] = ()) -> R:
     before = getattr(result, "provenance", None)
     made = provenance(command, () if before else inputs)
     made = replace(made, files=before.files) if before else made
-    return replace(result, provenance=made)  # pyright: ignore[reportCallIssue]
+    return replace(result, provenance=made)
 
 
 def stamped(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:

@@ -276,7 +276,8 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
     others = {SIGN: [replace(part, u=-part.u) for part in parts]}
     role = "w" if parts[0].theta is None else "theta"  # a w beside theta may be left out: no sign
     if all(getattr(p, role) is not None for p in parts) and any(np.ptp(p.u) for p in parts):
-        others[SWAPPED] = [replace(p, **{"u": getattr(p, role), role: p.u}) for p in parts]
+        swapped: list[dict[str, Any]] = [{"u": getattr(p, role), role: p.u} for p in parts]
+        others[SWAPPED] = [replace(p, **x) for p, x in zip(parts, swapped, strict=True)]
     made = {said: plain_row(other, model) for said, other in others.items()}
     made = {said: other for said, other in made.items() if _makes_a_drive(other, found)}
     if not made:

@@ -43,7 +43,7 @@ class Work:
         self.asked, self.start = asked, perf_counter()
         asked.records()
         asked.refuse_open_time()
-        self.doubts = asked.doubts()
+        self.doubts: Sequence[str] = asked.doubts()
         self.ready, self.why_not = ready_of(asked, horizon)
         self.parts, self.held_out = judged_on(asked, self.ready.held_out if self.ready else ())
 
@@ -239,7 +239,7 @@ def diagnosed(
         effects=effects,
         depends_on=depends_on,
         experiment=experiment,
-        free_error=work.judged and work.judged.free_error,
+        free_error=work.judged.free_error if work.judged else None,
         torque_error=torque_errors(made) | {"noise_floor": min(noise, made.with_names.error)},
         ranking=ranking,
         table=tabulated(made.last, depends_on) if verdict == "unexplained" else None,

@@ -108,9 +108,9 @@ static inline double most(double a, double b) { return b > a ? b : a; }
 static inline double least(double a, double b) { return b < a ? b : a; }
 """
 _TYPES = {"d": "double", "i": "int64_t"}
-_SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.USub: "-", ast.Not: "!"}
+_SIGNS: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.USub: "-"}
 _SIGNS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-_SIGNS |= {ast.And: "&&", ast.Or: "||", ast.Mod: "%"}  # the rest of counts, none below 0
+_SIGNS |= {ast.And: "&&", ast.Or: "||", ast.Not: "!", ast.Mod: "%"}  # remainder of counts >= 0
 _CALLS = {"abs": "fabs", "floored": "floor", "max": "most", "min": "least"}
 _CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
 
@@ -279,7 +279,7 @@ class _Writer:
     def _constant(self, node: ast.Constant) -> Value:
         if isinstance(node.value, float):
             return repr(node.value), NUMBER
-        return str(int(node.value)), WHOLE  # pyright: ignore[reportArgumentType]
+        return str(int(node.value)), WHOLE  # pyrefly: ignore[bad-argument-type]
 
     def _name(self, node: ast.Name) -> Value:
         if node.id in _CONSTANTS:

@@ -332,7 +332,7 @@ class Node(Symbolic):
     """A constant, a symbol, or an operation on other nodes."""
 
     __slots__ = ("graph", "op", "args", "value", "index")
-    __hash__ = object.__hash__  # pyright: ignore[reportAssignmentType]
+    __hash__ = object.__hash__
 
     def __init__(self, graph: Graph, op: str, args: tuple[Node, ...], value: Any) -> None:
         self.graph, self.op, self.args, self.value = graph, op, args, value

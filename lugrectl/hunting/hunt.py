@@ -568,7 +568,7 @@ class Bristles:
 
     def __init__(self, model: Model, loop: Loop) -> None:
         self.loop, self.law = loop, model.friction.block
-        self.values: dict[str, Any] = self.law.defaults() | dict(model.friction.values)
+        self.values: dict[str, Any] = {**self.law.defaults(), **model.friction.values}
         bends = np.full(len(self.law.states), loop.curve.Fs / float(self.values["sigma0"]))
         self.scale = np.r_[loop.unit, loop.speed, loop.curve.Fs, bends]
 

@@ -28,7 +28,7 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
         return response(source)
     T: Any = source
     if not isinstance(T, DelayedTransfer | ct.TransferFunction | ct.StateSpace):
-        T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
+        T = ct.TransferFunction(*([float(c) for c in np.atleast_1d(part)] for part in source))
     border, late = border_of(T), 0.0
     poles: Any = np.zeros(0, complex)
     with np.errstate(all="ignore"):

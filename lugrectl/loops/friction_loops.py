@@ -184,7 +184,7 @@ class Control:
     name and its ``gains``. ``ahead``: J times the acceleration of the reference is added."""
 
     kind: str
-    feedback: Mapping[str, float]
+    feedback: Mapping[str, Any]
     observer: str | None = None
     gains: Mapping[str, Any] = field(default_factory=dict)
     ahead: bool = True
@@ -469,7 +469,7 @@ def _referenced(
     return list(inputs), parts, names
 
 
-_FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
+_FILTERS: dict[tuple[str, ...], Any] = {  # derivatives wanted: kind of prefilter, loop inputs
     (): (None, ["r"]),
     ("dr",): ("velocity", ["r"]),
     ("ddr",): ("position", ["r", "ddr"]),

@@ -375,8 +375,9 @@ def figure(p: lg.Parameters, loop: str) -> PaperFigure:
     t, with_friction = respond(p, loop, gains, studies.NONE, case)
     _, compensated = respond(p, loop, gains, studies.PROPOSED, case)
     r = case.reference.inputs(t, loop, False)[0]
+    _, free = ct.forced_response(LOOPS_TF[loop](p, **gains), t, r)
     responses = {
-        "no friction": np.asarray(ct.forced_response(LOOPS_TF[loop](p, **gains), t, r).outputs),
+        "no friction": free,
         "friction, no observer": with_friction[measure.signal],
         f"friction, {studies.PROPOSED.label}": compensated[measure.signal],
     }

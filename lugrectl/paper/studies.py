@@ -50,7 +50,7 @@ class Reference:
         if self.prefilter:
             command: Any = r
             smooth = ct.tf([PREFILTER], [1, PREFILTER])
-            r = np.asarray(ct.forced_response(smooth, t, command).outputs)
+            _, r = ct.forced_response(smooth, t, command)
             first = PREFILTER * (command - r)
             second = PREFILTER * (turn * cos - first)
         rate = first if loop == "velocity" else second

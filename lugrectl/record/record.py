@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -165,7 +166,7 @@ class Record(Shown):
         """Recorded time in s, with the step of the last sample, without gaps."""
         return self.samples / self.rate
 
-    def segments(self) -> list[slice]:
+    def segments(self) -> list[builtins.slice]:
         """Return the stretches without a gap, in order."""
         edges = [0, *self.gaps, self.samples]
         return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -252,7 +253,8 @@ def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
         without = [r for r in records if getattr(r, role) is None]
         if 0 < len(without) < len(records) and all(getattr(r, other) is not None for r in records):
             first = next(i for i, r in enumerate(records) if getattr(r, role) is not None)
-            made = [replace(r, **{role: None}, log=None).read_from(r.log) for r in records]
+            none: dict[str, Any] = {role: None, "log": None}
+            made = [replace(r, **none).read_from(r.log) for r in records]
             said = f"{without[0].source} has no {role}: it is left out in all runs."
             made[first] = made[first].with_messages(said)
             return tuple(made)

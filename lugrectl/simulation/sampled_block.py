@@ -508,7 +508,7 @@ def encoder(sensing: Sensing, seen: tuple[str, str] = ("theta", "w")) -> ct.Nonl
     )
 
 
-_dtbtrs: Any = lapack.dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
+_dtbtrs: Any = lapack.dtbtrs  # pyrefly: ignore[missing-attribute]
 KEYS = ("sigma0", "Fc", "Fs", "vs")
 
 
@@ -579,7 +579,7 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
 
 def _values(p: Parameters | Model) -> tuple[float, ...]:
     model = as_model(p, "p")
-    have = model.values()
+    have: dict[str, Any] = dict(model.values())
     law = model.friction.block
     if law.states and law.name != "lugre":
         raise InputError(f"{model.name} has '{law.name}' friction: deflection is for LuGre alone.")
@@ -589,7 +589,7 @@ def _values(p: Parameters | Model) -> tuple[float, ...]:
         raise InputError(
             f"{model.name} gives no {', '.join(missing)}: the deflection needs a LuGre model."
         )
-    values = {k: float(have[k]) for k in keys}  # pyright: ignore[reportArgumentType]
+    values = {k: float(have[k]) for k in keys}
     law.check(values)
     return tuple(values.values())
 

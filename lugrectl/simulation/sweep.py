@@ -727,9 +727,9 @@ def _chosen(net: Net, what: str, names: Sequence[str] | str | None) -> tuple[str
 
 def _starts(net: Net, x0: Any) -> np.ndarray:
     try:
-        rows: Any = array(0.0 if x0 is None else x0, "x0")
+        rows = array(0.0 if x0 is None else x0, "x0")
     except InputError:  # parts, as python-control takes them
-        rows = np.zeros(1)
+        rows = array(0.0, "x0")
     count = len(net.states())
     if rows.ndim != 2:
         return arguments.start(net.name, count, x0)[None]

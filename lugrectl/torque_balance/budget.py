@@ -70,7 +70,7 @@ def signals(block: Block) -> tuple[str, ...]:
 def budget(made: Answer, size: float) -> list[Share]:
     """Each term with its RMS along the log, as a share of friction ``size``, largest first."""
     last, d = made.last, made.last.design
-    terms = []  # name, torque in the rows, its RMS along the log, coefficients, signals
+    terms: list[tuple] = []  # name, torque in the rows, RMS along the log, coefficients, signals
     for name, (on, *parts) in OF_THE_DRIVE.items():
         torque, at = last.part(*parts), [j for j, n in enumerate(d.names) if n in parts]
         terms.append((name, torque, rms(torque), at, (on,)))

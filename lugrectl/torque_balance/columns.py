@@ -178,8 +178,8 @@ class Along:
         """The signals of a motion; what is not known of the drive is 0."""
         own = ("t", "theta", "w", "acceleration", "path", "pieces", "u")
         none = dict.fromkeys(OF_THE_DRIVE, np.zeros(len(motion)))
-        made = {k: getattr(motion, k) for k in own}
-        return cls(**{"J": 0.0, "values": {}, **made, **none, **known})
+        known = {"J": 0.0, "values": {}, **none, **known}
+        return cls(**{k: getattr(motion, k) for k in own} | known)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -522,7 +522,7 @@ def _outputs(
 ) -> list[np.ndarray]:
     """Changes by each output (n, sets); ``way``: as if the drive moved in this direction."""
     signals = along.signals(block)
-    exact = block.exact
+    exact: Any = block.exact
     if exact is not None and block.acts == ("input",):  # of a held input
 
         def held(values: Values) -> np.ndarray:

@@ -403,7 +403,7 @@ class Smoother:
 
     def _solved(self, stiffness: float, right: np.ndarray) -> np.ndarray:
         penalty, data = self._system(len(right))
-        return solveh_banded(data + penalty * stiffness / self.variance, right)
+        return np.asarray(solveh_banded(data + penalty * stiffness / self.variance, right))
 
     def __call__(self, stiffness: float, theta: np.ndarray, w: np.ndarray | None) -> np.ndarray:
         """theta (n,) smoothed."""

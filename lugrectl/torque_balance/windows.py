@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -90,7 +91,7 @@ class Rows:
                 "Record a longer run in which the drive moves.",
             )
         one = len(parts) == 1
-        self.K = parts[0].K if one else block_diag([p.K for p in parts], "csr")
+        self.K: Any = parts[0].K if one else block_diag([p.K for p in parts], "csr")
         self.narrow = parts[0].narrow if one else block_diag([p.narrow for p in parts], "csr")
         self.step, self.reach = min(p.step for p in parts), max(p.reach for p in parts)
         self.smear = np.concatenate([p.smear for p in parts])
@@ -229,11 +230,11 @@ class Width:
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
-        self.motion, self.declared = motion, declared
+        self.motion, self.declared, self.sure = motion, declared, True
         longest = max((at.stop - at.start) * dt for at, dt in motion.pieces)
         few = 3 * max(r.dt for r in motion.runs)
         grid = sorted({max(h, few) for h in const.WIDTHS if 8 * max(h, few) < longest}) or [few]
-        self.sure, self.range = True, None
+        self.range: tuple[float, float] | None = None
         self.tried: list[Probe] = []
         self._try(grid, declared.J is not None)
         if not self.tried:

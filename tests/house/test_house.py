@@ -99,7 +99,8 @@ def test_ruff(arguments):
 @pytest.mark.slow
 @pytest.mark.sample
 def test_types():
-    pytest.importorskip("basedpyright")
-    command = [sys.executable, "-m", "basedpyright", "--pythonpath", sys.executable]
+    pytest.importorskip("pyrefly")
+    command = [sys.executable, "-m", "pyrefly", "check"]
+    command += ["--python-interpreter-path", sys.executable]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout

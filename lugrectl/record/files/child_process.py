@@ -22,7 +22,7 @@ def mat(path):
 
 def hdf(path):
     """The numeric arrays of an HDF5 file, by path with dots."""
-    import h5py  # pyright: ignore[reportMissingImports]
+    import h5py
 
     arrays = {}
 
@@ -40,7 +40,7 @@ def hdf(path):
 
 
 def parquet(path):
-    import pyarrow.parquet as library  # pyright: ignore[reportMissingImports]
+    import pyarrow.parquet as library
 
     table = library.read_table(path, page_checksum_verification=True)
     found = {}

@@ -172,7 +172,7 @@ def _parquet(path: Path) -> Table:
 def _sheet(path: Path) -> Table:
     """The first sheet that holds a table, read as the lines of a text."""
     _needed("openpyxl", f"{path.name} is an Excel file", "save it as CSV")
-    import openpyxl  # pyright: ignore[reportMissingImports, reportMissingModuleSource]
+    import openpyxl
 
     def cell(value: Any) -> str:
         return "" if value is None else str(value).replace("\t", " ").replace("\n", " ")
