@@ -13,7 +13,7 @@ from lugrectl.diagnosis import compare_laws as laws
 
 from ..cases import small_answers
 
-compare = lg.compare_laws
+ask = lg.compare_laws
 LAWS = ["viscous", "coulomb", "stribeck"]
 
 
@@ -32,9 +32,7 @@ def answered(plain_drive, tmp_path_factory):
     asked = ["identify", str(folder / "run.csv"), "--model", str(folder / "my.toml"), "--json"]
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(said):
         patch.setattr(laws, "law_names", lambda given: LAWS)
-        patch.setattr(
-            laws, "compare_laws", lambda *a, **k: made.append(compare(*a, **k)) or made[0]
-        )
+        patch.setattr(laws, "compare_laws", lambda *a, **k: made.append(ask(*a, **k)) or made[0])
         assert main([*asked, "--law", "auto", "--out", str(folder / "out")]) == 0
     return json.loads(said.getvalue()), (folder / "out" / "report.html").read_text(), made[0]
 

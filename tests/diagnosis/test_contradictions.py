@@ -10,7 +10,7 @@ from tests.drives import make
 
 from ..cases.common import model_of, record_of
 
-RATE, N = 500.0, 3000
+RATE, N = 500.0, 5000
 T = np.arange(N) / RATE
 
 

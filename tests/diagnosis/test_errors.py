@@ -33,8 +33,8 @@ def record():
 
 
 @pytest.fixture(scope="module")
-def plain(record):
-    return lg.diagnose(record, TRUE)
+def plain():
+    return lg.diagnose(log(rate=1000.0), TRUE)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_the_error_is_that_of_the_traces(plain):
 def test_held_out_blocks_are_long(plain):
     edges = np.flatnonzero(np.diff(np.r_[0, plain.traces.held_out.astype(int), 0]))
     lengths = np.diff(edges)[::2]
-    assert len(lengths) > 1 and np.all(lengths >= 2.0 * 500)
+    assert len(lengths) > 1 and np.all(lengths >= 2.0 * 1000)
 
 
 @pytest.mark.slow

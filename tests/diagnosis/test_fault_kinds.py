@@ -69,6 +69,10 @@ KINDS = {
 }
 
 
+def slow(kind):
+    return pytest.param(kind, marks=pytest.mark.slow)
+
+
 def holds(plain, within=0.02):
     """The values are right, and the truth is within the intervals or next to them."""
     for key, true in TRUE.items():
@@ -90,10 +94,7 @@ def test_the_sound_log_is_answered_without_a_note(tmp_path):
     assert (*plain.reading, *plain.notes) == ()
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [k if said else pytest.param(k, marks=pytest.mark.slow) for k, (_, said) in KINDS.items()],
-)
+@pytest.mark.parametrize("kind", [k if KINDS[k][1] else slow(k) for k in KINDS])
 def test_a_log_with_one_fault_is_answered_and_the_fault_is_said(tmp_path, kind):
     change, words = KINDS[kind]
     plain = balance(write(tmp_path, change(columns())), {})

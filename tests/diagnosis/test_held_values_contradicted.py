@@ -10,7 +10,7 @@ from ..cases.balance_drive import FC, FV, J, noisy
 
 @pytest.fixture(scope="module")
 def log():
-    return noisy(5.0)
+    return noisy()
 
 
 def model(J=J, Fc=FC, Fv=FV, **effect):

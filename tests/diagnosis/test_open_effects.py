@@ -50,8 +50,7 @@ def log(model):
 
 
 ALWAYS = ("hard_stop", "input_delay")
-LONG = ("position_dependent_friction", "constant_torque", "coulomb_asymmetry", "torque_ripple",
-        "load_dependent_friction", "thermal_drift")  # fmt: skip
+LONG = ("position_dependent_friction", "constant_torque", "coulomb_asymmetry", "torque_ripple")
 SAMPLED = (pytest.mark.slow, pytest.mark.sample)
 
 
