@@ -50,6 +50,11 @@ def ripple(theta, w):
     return 0.08 * np.sin(7.0 * theta + 0.4)
 
 
+def weight_and_drag(theta, w):
+    """Two effects, of which the drag is one's own."""
+    return 0.2 * np.sin(theta + 0.4) + 4e-4 * w**3
+
+
 def bumps(theta, w):
     """A torque at three places, which nothing in the catalogue explains."""
     places = ((-3.0, 0.25), (0.5, -0.3), (2.5, 0.2))
@@ -88,8 +93,8 @@ def own_effect() -> Any:
 
 FREE = lg.Model.of(friction="coulomb")
 DIAGNOSES: dict[str, Callable[[], Any]] = {
-    "adequate": lambda: lg.diagnose(log(), DRIVE),
-    "found": lambda: lg.diagnose(log(load=ripple), DRIVE),
+    "adequate": lambda: lg.diagnose([log(4.0), log(4.0, seed=2, speed=True)], DRIVE),
+    "found": lambda: lg.diagnose(log(load=weight_and_drag), FREE),
     # in one direction a friction that depends on the angle is the same torque as a ripple
     "ambiguous": lambda: lg.diagnose(
         log(mean=6.0, size=0.1, load=lambda theta, w: 0.02 * np.sin(5.0 * theta + 0.4)), DRIVE
@@ -97,10 +102,7 @@ DIAGNOSES: dict[str, Callable[[], Any]] = {
     "unexplained": lambda: lg.diagnose(log(16.0, seed=2, load=bumps), DRIVE),
     "refused": lambda: lg.diagnose(in_ms(), FREE),
     "map": lambda: lg.diagnose(steady(), DRIVE),
-    "runs": lambda: lg.diagnose([log(6.0), log(6.0, seed=2, speed=True)], DRIVE),
-    "without J": lambda: lg.diagnose(log(load=lambda theta, w: 0.2 * np.sin(theta + 0.4)), FREE),
-    "own": lambda: lg.diagnose(log(load=lambda theta, w: 4e-4 * w**3), DRIVE),
-    "one way": lambda: lg.diagnose(log(mean=14.0), FREE),
+    "one way": lambda: lg.diagnose(log(6.0, mean=14.0), FREE),
     "dead": lambda: lg.diagnose(log() | {"u": np.zeros(1600)}, DRIVE),
 }
 IDENTIFICATIONS = {

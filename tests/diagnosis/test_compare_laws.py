@@ -1,26 +1,45 @@
 """Friction laws compared on a log: the chosen one, what stays beside it, and the command."""
 
+import io
 import json
+from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
+from lugrectl.diagnosis import compare_laws as laws
 
 from ..cases import small_answers
 
+ask = lg.compare_laws
 LAWS = ["viscous", "coulomb", "stribeck"]
 
 
 @pytest.fixture(scope="module")
 def plain_drive():
-    return small_answers.log(speed=True)
+    return small_answers.log()
 
 
 @pytest.fixture(scope="module")
-def compared(plain_drive):
-    return lg.compare_laws(plain_drive, {}, LAWS)
+def answered(plain_drive, tmp_path_factory):
+    """The document and the report of the command, and the comparison that it made."""
+    folder, said, made = tmp_path_factory.mktemp("laws"), io.StringIO(), []
+    table, head = np.column_stack(list(plain_drive.values())), ",".join(plain_drive)
+    np.savetxt(folder / "run.csv", table, delimiter=",", header=head, comments="")
+    (folder / "my.toml").write_text('[friction]\nmodel = "viscous"\n')
+    asked = ["identify", str(folder / "run.csv"), "--model", str(folder / "my.toml"), "--json"]
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(said):
+        patch.setattr(laws, "law_names", lambda given: LAWS)
+        patch.setattr(laws, "compare_laws", lambda *a, **k: made.append(ask(*a, **k)) or made[0])
+        assert main([*asked, "--law", "auto", "--out", str(folder / "out")]) == 0
+    return json.loads(said.getvalue()), (folder / "out" / "report.html").read_text(), made[0]
+
+
+@pytest.fixture
+def compared(answered):
+    return answered[2]
 
 
 @pytest.mark.slow
@@ -51,11 +70,11 @@ def test_the_comparison_hands_itself_out(compared):
     assert list(compared.to_frame().index) == list(compared.names)
 
 
-def test_laws_that_do_not_exist_are_one_sentence(plain_drive):
+def test_laws_that_do_not_exist_are_one_sentence(plain_drive, compared):
     with pytest.raises(lg.InputError, match="laws: there is no friction law named 'lugree'"):
         lg.compare_laws(plain_drive, {}, "lugree")
     with pytest.raises(lg.InputError, match="'dahl' was not compared"):
-        lg.compare_laws(plain_drive, {}, "coulomb")["dahl"]
+        compared["dahl"]
 
 
 def test_a_law_that_takes_too_long_is_left_out(plain_drive):
@@ -63,20 +82,10 @@ def test_a_law_that_takes_too_long_is_left_out(plain_drive):
         lg.compare_laws(plain_drive, {}, ["coulomb"], time_limit=1e-3)
 
 
-def test_the_command_chooses_a_law_and_says_so(plain_drive, tmp_path, capsys, monkeypatch):
-    from lugrectl.diagnosis import compare_laws as laws
-
-    monkeypatch.setattr(laws, "law_names", lambda given: LAWS[:2])
-    table = np.column_stack(list(plain_drive.values()))
-    np.savetxt(
-        tmp_path / "run.csv", table, delimiter=",", header=",".join(plain_drive), comments=""
-    )
-    (tmp_path / "my.toml").write_text('[friction]\nmodel = "lugre"\n')
-    asked = ["identify", str(tmp_path / "run.csv"), "--model", str(tmp_path / "my.toml")]
-    assert main([*asked, "--law", "auto", "--out", str(tmp_path / "out"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_the_command_chooses_a_law_and_says_so(answered):
+    found, report, _ = answered
     assert found["laws"]["chosen"] == found["model"]["friction"]["model"] == "coulomb"
-    assert "Friction laws" in (tmp_path / "out" / "report.html").read_text()
+    assert "Friction laws" in report
 
 
 def test_python_takes_a_law_too(plain_drive):

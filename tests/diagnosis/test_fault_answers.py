@@ -72,6 +72,8 @@ def test_two_seconds():
     assert "Record at least 4.5 s" in said
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_as_long_as_is_advised_is_enough():
     found = lg.diagnose(columns(seconds=4.6), MODEL)
     assert not any("too short" in m for m in found.messages)

@@ -69,6 +69,10 @@ KINDS = {
 }
 
 
+def slow(kind):
+    return pytest.param(kind, marks=pytest.mark.slow)
+
+
 def holds(plain, within=0.02):
     """The values are right, and the truth is within the intervals or next to them."""
     for key, true in TRUE.items():
@@ -90,7 +94,7 @@ def test_the_sound_log_is_answered_without_a_note(tmp_path):
     assert (*plain.reading, *plain.notes) == ()
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [k if KINDS[k][1] else slow(k) for k in KINDS])
 def test_a_log_with_one_fault_is_answered_and_the_fault_is_said(tmp_path, kind):
     change, words = KINDS[kind]
     plain = balance(write(tmp_path, change(columns())), {})
@@ -99,6 +103,7 @@ def test_a_log_with_one_fault_is_answered_and_the_fault_is_said(tmp_path, kind):
         said(plain, words)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("bits", [12, 16])
 def test_a_counter_that_wraps_needs_its_factor_only(tmp_path, bits):
     from lugrectl.record import read_log
@@ -108,7 +113,7 @@ def test_a_counter_that_wraps_needs_its_factor_only(tmp_path, bits):
 
 
 def test_short_runs_are_one_data_set(tmp_path):
-    parts = [slice(k, k + 850) for k in range(0, 4250, 850)]
+    parts = [slice(k, k + 850) for k in range(0, 2550, 850)]
     paths = [
         write(tmp_path, {k: x[part] for k, x in columns().items()}, f"run{i}.csv")
         for i, part in enumerate(parts)
@@ -118,8 +123,8 @@ def test_short_runs_are_one_data_set(tmp_path):
 
 def test_a_note_on_one_of_several_logs_names_it(tmp_path):
     paths = [
-        write(tmp_path, columns(), "first.csv"),
-        write(tmp_path, put("u", 901, -4.0)(columns(seed=5)), "second.csv"),
+        write(tmp_path, columns(seconds=5.0), "first.csv"),
+        write(tmp_path, put("u", 901, -4.0)(columns(seconds=5.0, seed=5)), "second.csv"),
     ]
     plain = balance(paths, {})
     holds(plain)
@@ -141,7 +146,7 @@ def test_no_sentence_of_the_json_comes_twice(tmp_path, capsys):
 
 def test_a_log_that_shows_its_sensors_only_is_refused():
     """Noise in place of the torque: how late the speed is says nothing of the drive."""
-    log = columns("w")
+    log = columns("w", seconds=5.0)
     log["u"] = 0.3 * np.random.default_rng(1).standard_normal(len(log["t"]))
     with pytest.raises(Refused) as no:
         identify(log, {})

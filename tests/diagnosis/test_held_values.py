@@ -201,7 +201,7 @@ def test_a_map_with_stiction_declared_below_friction_is_answered():
 def test_a_declared_inertia_stands_where_the_log_does_not_tell_it():
     """Slow motion behind a coarse encoder, of which rows are lost: J = 0.002 is hardly seen."""
     rng = np.random.default_rng(1)
-    t, count = 4e-3 * np.arange(6000), 2 * np.pi / 4096
+    t, count = 4e-3 * np.arange(4000), 2 * np.pi / 4096
     theta = np.sin(np.pi * t)
     w = np.gradient(theta, t)
     u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-2) + 0.02 * w

@@ -91,6 +91,8 @@ def cogged():
     )
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_cogging_and_an_offset_are_both_named_and_nothing_else(cogged):
     """Only rows near rest tell the offset from an asymmetry of friction."""
     assert cogged.verdict in ("found", "ambiguous")
@@ -100,6 +102,8 @@ def test_cogging_and_an_offset_are_both_named_and_nothing_else(cogged):
     assert causes(cogged) <= {*own, "constant_torque", "coulomb_asymmetry"}
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_their_values_are_right(cogged):
     values = {e.name: e.parameters for e in cogged.effects}
     assert values["torque_ripple"]["harmonic"].value == 12

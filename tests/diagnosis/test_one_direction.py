@@ -27,7 +27,7 @@ def declared(**values):
 
 @pytest.fixture(scope="module")
 def identified():
-    return identify(log(), declared(Fc=FC))
+    return identify(log(5.0), declared(Fc=FC))
 
 
 @pytest.mark.slow

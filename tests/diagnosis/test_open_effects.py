@@ -49,7 +49,7 @@ def log(model):
     return log_of(u, DT, theta, w + 1e-3 * rng.standard_normal(len(at)))
 
 
-ALWAYS = ("load_dependent_friction", "hard_stop", "thermal_drift", "input_delay")
+ALWAYS = ("hard_stop", "input_delay")
 LONG = ("position_dependent_friction", "constant_torque", "coulomb_asymmetry", "torque_ripple")
 SAMPLED = (pytest.mark.slow, pytest.mark.sample)
 
@@ -87,7 +87,7 @@ VAIN = (pytest.mark.slow, pytest.mark.scenario)
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=VAIN if name != "backlash" else ()) for name in EFFECTS]
+    "name", [pytest.param(name, marks=VAIN if name != "gravity" else ()) for name in EFFECTS]
 )
 def test_nothing_is_hidden(name):
     """What is declared in vain hardly moves the rest, and is within its bounds."""

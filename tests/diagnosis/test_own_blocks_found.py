@@ -105,8 +105,8 @@ def test_a_state_of_an_own_law_is_no_bristle_for_its_name():
         return z + Fv * w, (Fc * np.tanh(w / 0.02) - z) / tau
 
     true = dict(J=0.004, Fc=0.2, Fv=0.01, tau=0.03)
-    t = np.arange(0.0, 8.0, 4e-3)
-    u = torque(8.0, 4e-3, size=0.9)
+    t = np.arange(0.0, 5.0, 4e-3)
+    u = torque(5.0, 4e-3, size=0.9)
     drive = lg.plant(lg.Model.of(friction="late_coulomb", **true))
     theta = lg.simulate(drive, t, {"u": u}, hold=True).outputs["theta"]
     theta = theta + np.random.default_rng(1).normal(0, 1e-4, len(t))

@@ -48,7 +48,7 @@ def model():
 @pytest.fixture(scope="module")
 def noisy():
     """Torque of another source in every sample, 4 % of friction: no simulation is valid."""
-    return lg.diagnose(drive(0.25, 0.25, noise=0.01, seed=1), model())
+    return lg.identify(drive(0.25, 0.25, noise=0.01, seed=1), model())
 
 
 @pytest.mark.slow

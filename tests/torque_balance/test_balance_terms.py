@@ -97,7 +97,7 @@ def test_a_coast_down_without_the_inertia_gives_friction_per_inertia(coasts):
 
 
 def test_a_declared_delay_is_fitted_and_a_held_one_is_used():
-    log = recorded(8.0)
+    log = recorded(5.0)
     late = log_of(np.roll(log["u"], -4)[10:-10], DT, log["theta"][10:-10])
     model = lg.Model.of(effects=[{"name": "input_delay", "delay": 0.008}])
     fitted = lg.balance([late], model)

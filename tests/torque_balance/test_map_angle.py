@@ -47,6 +47,7 @@ def test_a_declared_torque_over_the_angle_is_fitted():
         within(found.estimates[key], true)
 
 
+@pytest.mark.slow
 def test_a_declared_effect_that_no_map_shows_is_not_found():
     known = {"name": "periodic_disturbance", "amplitude": 0.5, "frequency": 3.0, "phase": 0.0}
     model = lg.Model.of(friction="coulomb", effects=[known])
