@@ -31,7 +31,7 @@ def runs(system, backend: str, count: int = 3, samples: int = 100, **options):
     ("backend", "make"),
     [
         ("c", lambda: lg.plant(full_model())),
-        ("numba", lambda: velocity_loop(lg.plant(lg.table1()))),
+        ("numba", lambda: lag_block()),
     ],
     indirect=["backend"],
 )

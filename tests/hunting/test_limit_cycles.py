@@ -52,7 +52,7 @@ def test_the_published_loop_with_bristles():
 
 def test_friction_that_is_more_than_believed_is_what_compensation_tolerates_least():
     model = drive(vs=0.1)
-    more = {"friction": (0.5, 2.0), "compensation": 0.5, "points": 8}
+    more = {"friction": (0.5, 2.0), "compensation": 0.5, "points": 6}
     found = lg.hunting_map(model, {"ki": (0.02, 0.5)}, **PID | {"ki": 0.07}, **more)
     low, high = found.tolerated
     assert low == pytest.approx(0.5) and 1.0 < high < 2.0 and not found.proven.any()
