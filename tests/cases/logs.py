@@ -17,7 +17,7 @@ measured = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured data at {D
 
 
 @pytest.fixture
-def whole(monkeypatch):
+def undamaged(monkeypatch):
     """Files are whole: their library needs no process of its own."""
     monkeypatch.setattr(readers, "_by_child", lambda how, path: getattr(child_process, how)(path))
 
