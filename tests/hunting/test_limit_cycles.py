@@ -101,17 +101,13 @@ def test_a_loop_whose_only_cycle_is_unstable_comes_to_rest():
     assert "every start comes to rest, past an unstable cycle" in repr(found)
 
 
-def test_what_the_time_does_not_decide_is_undecided():
-    found = lg.limit_cycles(drive(), **PID, rate=200.0, time_limit=1e-6)
-    assert found.outcome == "undecided" and not found and found.hunts is None
-    assert found.summary()["hunts"] is None and found.undecided > 5
-    assert "stayed undecided" in found.messages[0] and repr(found).startswith("undecided")
-
-
-def test_a_search_says_which_effects_it_includes():
+def test_what_the_time_does_not_decide_is_undecided_and_which_effects_it_includes_is_said():
     effects = [{"name": "gravity", "amplitude": 0.1, "phase": 0.0}]
     effects += [{"name": "velocity_sensor_lag", "time_constant": 1e-3}]
     found = lg.limit_cycles(drive(effects=effects), **PID, rate=200.0, time_limit=1e-6)
+    assert found.outcome == "undecided" and not found and found.hunts is None
+    assert found.summary()["hunts"] is None and found.undecided > 5
+    assert "stayed undecided" in found.messages[0] and repr(found).startswith("undecided")
     assert found.messages[-2] == "at rest, with the effects of the model: gravity"
     assert found.messages[-1] == "at rest, without the effects of the sensors: velocity_sensor_lag"
 
