@@ -140,10 +140,10 @@ def test_a_table_acts_and_is_compensated():
 # --- reports and command line ------------------------------------------------------------
 
 
-def test_reports_carry_table_and_compensation(velocity):
+def test_reports_carry_table_and_compensation(driven):
     x = np.linspace(-2.0, 2.0, 9)
     table = Table(("theta",), x, np.cos(x), 0 * x + 0.1, False, 0.5, (0.4, 0.6), 0.05, "N m", 9)
-    d = SimpleNamespace(**vars(bare("unexplained")) | {"table": table, "compensation": velocity})
+    d = SimpleNamespace(**vars(bare("unexplained")) | {"table": table, "compensation": driven})
     said = text(d)
     assert max(map(len, said.splitlines())) <= 80
     assert "unexplained residual over theta (table, no physics)" in said

@@ -69,7 +69,7 @@ def test_reasons_name_the_figures_that_decide(found):
 
 
 def test_a_drive_with_a_position_only_takes_observers_of_the_position():
-    own = {"measured": "theta", "uncertainty": 0, "frequency": 4.0}
+    own = {"measured": "theta", "uncertainty": 0, "frequency": 8.0}
     made = lg.recommend_observer(P, rate=500, observers=FEW, **own)
     assert made.names == ("position_coulomb",) and made.signal == "theta" and made.unit == "rad"
     assert set(made.refused) == set(FEW) - {"position_coulomb"}

@@ -84,11 +84,11 @@ def _to_zero(f: Rate, time: float, x: Sequence[float], h: float, side: float) ->
 
 
 @cache
-def exact(parts: int = 16) -> np.ndarray:
-    """States (6, N): classical Runge-Kutta, ``parts`` steps a sample, w = 0 located."""
+def exact(parts: int = 16, samples: int = len(t)) -> np.ndarray:
+    """States (6, samples): classical Runge-Kutta, ``parts`` steps a sample, w = 0 located."""
     times, values = t.tolist(), r.tolist()
     x, side, kept = x0.tolist(), -1.0, [x0.tolist()]  # F(0) = sigma0 z(0) > 0 drives w below 0
-    for k in range(len(times) - 1):
+    for k in range(samples - 1):
         slope = (values[k + 1] - values[k]) / 1e-3
         f = _rate(lambda s, k=k, slope=slope: values[k] + slope * (s - times[k]))
         for i in range(parts):

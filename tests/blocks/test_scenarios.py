@@ -54,7 +54,11 @@ VELOCITY = [  # observer, what it believes, its gains, RMS of e in rad/s, unit o
 ]
 
 
-@pytest.mark.parametrize(("name", "believed", "gains", "error", "digit"), VELOCITY)
+SEEN, RARELY = (None, "temperature", "existing"), [pytest.mark.slow, pytest.mark.sample]
+ROWS = [pytest.param(*row, marks=[] if row[0] in SEEN else RARELY) for row in VELOCITY]
+
+
+@pytest.mark.parametrize(("name", "believed", "gains", "error", "digit"), ROWS)
 def test_in_the_velocity_loop(name, believed, gains, error, digit):
     assert velocity_error(name, believed, gains=gains) == pytest.approx(error, abs=digit)
 

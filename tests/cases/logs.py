@@ -10,9 +10,16 @@ import pytest
 
 from lugrectl.core.errors import InputError
 from lugrectl.record import read_record
+from lugrectl.record.files import child_process, readers
 
 DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 measured = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured data at {DATA}")
+
+
+@pytest.fixture
+def undamaged(monkeypatch):
+    """Files are whole: their library needs no process of its own."""
+    monkeypatch.setattr(readers, "_by_child", lambda how, path: getattr(child_process, how)(path))
 
 
 def driven(u, dt, rate, steps=10):

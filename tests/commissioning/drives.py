@@ -1,16 +1,20 @@
 """Drives drawn at random, with one, two or three masses and friction, and their logs.
 
-Written beside the package: nothing of it is used. The linear part advances exactly from one
-sub-step to the next; friction acts as an impulse of each sub-step, Coulomb's with true sticking.
+Written beside the package: nothing of it is used but what ``answered`` asks. The linear part
+advances exactly from one sub-step to the next; friction acts as an impulse of each, Coulomb's with
+true sticking.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numba import njit
 from scipy.linalg import expm
+
+import lugrectl as lg
 
 SUBSTEP = 5e-5
 
@@ -239,3 +243,10 @@ def played(drive: Drive, angle: np.ndarray, speed: np.ndarray, g: np.random.Gene
     )
     u = u + g.normal(0.0, drive.noise, n)
     return {"t": dt * np.arange(n), "u": u, "theta": theta, "r": speed}
+
+
+@cache
+def answered(seed: int, seconds: float = 16.0, columns=("t", "u", "theta", "r")):
+    """The response of the log of a drive, with friction taken out."""
+    made = log(draw(seed), seconds)
+    return lg.frequency_response({k: made[k] for k in columns}, lg.Model.of())

@@ -14,12 +14,7 @@ from . import drives
 pytest.importorskip("numba")
 RANGES = {"1-10 Hz": (1.0, 10.0), "10-50 Hz": (10.0, 50.0), "above 50 Hz": (50.0, np.inf)}
 LIMITS = {"1-10 Hz": (0.04, 0.25), "10-50 Hz": (0.15, 0.8), "above 50 Hz": (0.12, 0.7)}
-QUICK, SLOW = [3, 6], range(100, 120)  # bristles, a load that sticks
-
-
-def answer(drive, model=None, columns=("t", "u", "theta", "r"), **options):
-    log = {k: v for k, v in drives.log(drive, **options).items() if k in columns}
-    return lg.frequency_response(log, lg.Model.of() if model is None else model)
+QUICK, SLOW = [[303], [3, 6]], range(100, 120)  # a motor that sticks; bristles, a load that sticks
 
 
 def decibel(frd, drive):
@@ -48,21 +43,23 @@ def modes_inside(found):
     return inside
 
 
-@pytest.fixture(scope="module")
-def quick():
-    """Of the second no reference was recorded."""
-    first, second = map(drives.draw, QUICK)
-    without = answer(second, columns=("t", "u", "theta"), seconds=20.0)
-    return [(first, answer(first, seconds=16.0)), (second, without)]
+@pytest.fixture(scope="module", params=QUICK, ids=str)
+def quick(request):
+    """Of the last of several no reference was recorded."""
+    first, *more = request.param
+    without = [(drives.draw(n), drives.answered(n, 20.0, ("t", "u", "theta"))) for n in more]
+    return [(drives.draw(first), drives.answered(first)), *without]
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("quick", QUICK[1:], indirect=True, ids=str)
 def test_friction_taken_out_leaves_the_linear_response(quick):
     for name, limit in LIMITS.items():
         raw, taken = pooled(quick, name, 0), pooled(quick, name, 1)
         assert (taken <= limit).all() and (taken <= 0.7 * raw).all(), (name, raw, taken)
 
 
+@pytest.mark.cases
 def test_bands_and_intervals_hold_the_truth(quick):
     inside = []
     for drive, found in quick:
@@ -72,6 +69,7 @@ def test_bands_and_intervals_hold_the_truth(quick):
     assert np.mean(modes_inside(quick)) >= 0.9
 
 
+@pytest.mark.cases
 def test_a_log_of_quick_moves_is_trusted_where_the_coherence_is_high(quick):
     for drive, found in quick:
         nothing = (found.coherence < 0.95) | found.governed
@@ -85,7 +83,8 @@ def test_a_log_of_quick_moves_is_trusted_where_the_coherence_is_high(quick):
 def creeping(Fc, Fs):
     """The log of a multisine alone, with such shares of the largest torque as friction."""
     drive = drives.draw(12)
-    return answer(replace(drive, Fc=Fc * drive.most, Fs=Fs * drive.most), moving=False, seconds=6.0)
+    drive = replace(drive, Fc=Fc * drive.most, Fs=Fs * drive.most)
+    return lg.frequency_response(drives.log(drive, 6.0, moving=False), lg.Model.of())
 
 
 def test_a_log_in_which_friction_covers_all_is_refused():
@@ -123,7 +122,7 @@ def test_the_other_effects_of_the_model_are_taken_out():
 
 @pytest.mark.slow
 def test_twenty_more_drives():
-    found = [(drive, answer(drive)) for drive in map(drives.draw, SLOW)]
+    found = [(drives.draw(n), drives.answered(n, 30.0)) for n in SLOW]
     for name, (median, most) in LIMITS.items():
         taken = pooled(found, name, 1)
         assert taken[0] <= 1.3 * median and taken[1] <= 2 * most, (name, taken)

@@ -74,7 +74,7 @@ def test_plain_data_and_a_short_text(found):
 
 
 def test_an_axis_that_never_reverses_keeps_its_response():
-    found = lg.frequency_response(log(bias=40.0), MODEL)
+    found = lg.frequency_response(log(2000, bias=40.0), MODEL)
     assert np.array_equal(found.frd.frdata, found.raw.frdata)
     assert any("never reverses" in one for one in found.messages)
 
@@ -92,7 +92,7 @@ def test_a_log_that_shows_nothing_is_refused():
 
 
 def test_no_friction_is_taken_out_where_none_shows():
-    one = log()
+    one = log(2000)
     one["u"] = J * np.gradient(one["w"], one["t"]) + 0.1 * one["w"]
     found = lg.frequency_response(one, MODEL)
     assert found.friction == {} and found.messages[0].startswith("No dry friction")
@@ -133,7 +133,7 @@ def test_effects_on_the_level_of_friction_are_taken_out(effect):
 def test_what_cannot_be_taken_out_is_named():
     model = lg.Model.of(friction="coulomb", effects=[{"name": "inertia_step"}])
     assert any(
-        "inertia_step is not taken" in m for m in lg.frequency_response(log(), model).messages
+        "inertia_step is not taken" in m for m in lg.frequency_response(log(1500), model).messages
     )
     with pytest.raises(lg.InputError, match="amplitude, phase must be known"):
         lg.frequency_response(log(), lg.Model.of(friction="coulomb", effects="gravity"))
@@ -149,7 +149,7 @@ def test_unfit_logs_are_refused():
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     lg.write_model(MODEL, tmp_path / "my.toml")
-    for name, n in (("run.csv", 4000), ("short.csv", 300)):
+    for name, n in (("run.csv", 2000), ("short.csv", 300)):
         rows = np.column_stack([*log(n).values()])
         head = "t,u [N m],w [rad/s]"
         np.savetxt(tmp_path / name, rows, "%.9g", ",", header=head, comments="")

@@ -27,13 +27,9 @@ def pid(found):
     return found.ki, 0.0, found.kp - found.ki / found.rate / 2
 
 
-def response(drive):
-    return lg.frequency_response(drives.log(drive, 16.0), lg.Model.of())
-
-
 @pytest.fixture(scope="module")
 def quick():
-    return [(drive, response(drive)) for drive in map(drives.draw, QUICK)]
+    return [(drives.draw(n), drives.answered(n)) for n in QUICK]
 
 
 def judged(drive, found):
@@ -75,10 +71,10 @@ def test_a_notch_where_it_pays(quick):
 def test_ten_more_drives():
     """Gains are refused only where most of the response is not certain."""
     made, refused = [], []
-    for drive in map(drives.draw, SLOW):
-        known = response(drive)
+    for n in SLOW:
+        known = drives.answered(n)
         try:
-            made.append(judged(drive, lg.tune(known, notch=False)))
+            made.append(judged(drives.draw(n), lg.tune(known, notch=False)))
         except lg.Refused:
             refused.append(known.certain.mean())
     assert len(refused) <= 1 and all(share < 0.5 for share in refused)

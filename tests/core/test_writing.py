@@ -48,7 +48,8 @@ print("done")
 
 
 @posix
-@pytest.mark.parametrize("there", [False, True], ids=["new folder", "over an old report"])
+@pytest.mark.cases
+@pytest.mark.parametrize("there", [True, False], ids=["over an old report", "new folder"])
 def test_a_process_killed_at_any_step_of_the_writing_never_mixes_two_runs(tmp_path, there):
     made = []
     for stop in range(14):

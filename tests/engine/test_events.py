@@ -153,6 +153,7 @@ ROOTS: dict[str, Callable[[Any], Any]] = {
 }
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("name", ROOTS)
 def test_a_root_of_a_magnitude_is_no_nan_beyond_its_switch(name: str) -> None:
     """From 0 on, and through 0: a step on one side would take the root of a negative number."""

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import lugrectl as lg
 from lugrectl.cli import main
@@ -118,6 +119,8 @@ def done(name: str) -> tuple[int, Any, dict[str, int]]:
         (Path(folder) / "short.csv").write_text("\n".join(rows))
         out = stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
         stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
+        # pictures of a diagnosis are seen in test_readme
+        stack.enter_context(mock.patch("lugrectl.report.page.inline_svg", lambda *_: "<svg/>"))
         code = main(line.replace("DEMO", str(demo)).replace("DIR", folder).split())
         made = {p.name: p.stat().st_size for p in Path(folder).iterdir()}
     return code, json.loads(out.getvalue()) if "--json" in line else None, made

@@ -21,8 +21,9 @@ WANTED = {"GL06", "GL07", "GL08", "SS01", "SS02", "SS03", "SS06", "PR01", "RT01"
 SKIPPED = 5  # lines of examples that are shown but not run, at most
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 DEAR = (  # seconds each
-    *("Assurance", "HuntingChance", "Recommendation", "StickSlip", "assure", "compare_laws"),
-    *("frequency_response", "hunting_map", "recommend_observer"),
+    *("Assurance", "HuntingChance", "ObserverComparison", "Recommendation", "StickSlip", "assure"),
+    *("balance", "compare_laws", "diagnose", "frequency_response", "hunting_chance"),
+    *("hunting_map", "identify", "limit_cycles", "recommend_observer", "tune"),
 )
 
 

@@ -39,7 +39,7 @@ def folder(tmp_path, monkeypatch):
     """A folder with the own blocks of README, and a short log at a sampling rate of 250 Hz."""
     head = "import numpy as np\nimport lugrectl as lg\n"
     (tmp_path / "mine.py").write_text(head + block(OWN, "python"))
-    t = np.arange(0, 12, 4e-3)
+    t = np.arange(0, 4, 4e-3)
     u = np.sin(2.0 * t) * (0.4 + 0.1 * np.sin(0.5 * t))
     w = lg.simulate(lg.plant(lg.table1()), t, {"u": u}, hold=True).outputs["w"]
     noise = np.random.default_rng(0).normal(0, 1e-3, len(t))

@@ -47,6 +47,7 @@ def test_below_speed_start_routh_does_not_hold(number):
     assert v > own["vs"] / np.sqrt(2.0)  # beyond the steepest fall: the higher of two such speeds
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("number", range(3))
 def test_stick_slip_persists_just_below_speed_end_and_not_above(number):
     own, end = loop(number)[2], speeds(number).speed_end

@@ -63,6 +63,7 @@ def test_random_designs_agree_with_the_exact_checks(loop, level):
     assert len(set(checks.classification)) > 2 and 0 < checks.stable.sum() < n
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("loop", ["position", "velocity"])
 def test_designs_on_the_borders_agree(loop):
     """Binary fractions, so that equality holds: a = 0, b = 0, Kd Kp = J Ki, |K2|/sigma0 = ..."""

@@ -153,6 +153,7 @@ def test_a_measured_loop_that_is_negative_at_low_frequency_has_its_factor_there(
     assert not raised and raised.stable_gains == ((0.0, pytest.approx(0.5)),)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("seed", [0, 5])  # with and without an integrator
 def test_many_states_have_the_margins_of_exact_arithmetic(seed):
     random = np.random.default_rng(seed)

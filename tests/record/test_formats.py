@@ -10,7 +10,7 @@ import scipy.io
 from lugrectl.core.errors import InputError, Refused
 from lugrectl.record import long_enough_to_judge, read_record
 
-from ..cases.logs import machine, refused, rows, write
+from ..cases.logs import machine, refused, rows, undamaged, write  # noqa: F401  fixture
 
 LOG = {k: v[:1500] for k, v in machine().items()}
 T, U, W, THETA = (LOG[k] for k in ("t", "u", "w", "theta"))
@@ -207,6 +207,7 @@ def test_standard_input_is_read(monkeypatch):
 # ---- nested -------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("undamaged")
 def test_columns_of_a_matrix_in_a_struct_are_named_by_number(tmp_path):
     path = tmp_path / "a.mat"
     for x in (np.vstack([THETA, W, U]), np.column_stack([THETA, W, U])):
@@ -216,6 +217,7 @@ def test_columns_of_a_matrix_in_a_struct_are_named_by_number(tmp_path):
         same(read_record(path, columns=columns), atol=0)
 
 
+@pytest.mark.usefixtures("undamaged")
 def test_simulink_exports(tmp_path):
     path, tall = tmp_path / "a.mat", {"values": np.column_stack([THETA, U])}
     scipy.io.savemat(path, {"out": {"time": T, "signals": tall | {"label": "angle, torque"}}})

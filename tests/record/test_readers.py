@@ -16,7 +16,7 @@ from lugrectl.record.as_record import files_of
 from lugrectl.record.files import readers
 from lugrectl.record.files.readers import read_table
 
-from ..cases.logs import csv, machine, refused, rows, write
+from ..cases.logs import csv, machine, refused, rows, undamaged, write  # noqa: F401  fixture
 
 # ---- text files ---------------------------------------------------------------------
 
@@ -117,6 +117,7 @@ def test_long_logs_load_at_speed(tmp_path):
 # ---- MAT and NPZ --------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("undamaged")
 def test_mat_columns_scalars_and_structs(tmp_path):
     log = machine()
     path = tmp_path / "a.mat"

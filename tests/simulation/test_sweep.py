@@ -328,7 +328,7 @@ def test_to_pandas_and_xarray() -> None:
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[ProcessPoolExecutor]:
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as made:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as made:
         yield made
 
 
