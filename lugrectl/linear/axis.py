@@ -249,6 +249,7 @@ RISE = 1e-7  # of the gain: nothing is above it by more
 SAME = 1e-12
 LEVELS = 60
 START = 400  # frequencies at which the search for the largest value begins
+TURNS = 4 * math.pi  # of the shortest dead time, up to which they go
 
 
 def largest(T: DelayedTransfer) -> tuple[float, float]:
@@ -261,7 +262,8 @@ def largest(T: DelayedTransfer) -> tuple[float, float]:
     best, at = _higher((abs(T(0j)), 0.0), (limit, math.inf))
     if math.isinf(best):
         return best, at
-    w = np.geomspace(1e-6, 1.0, START) * (reach(T.den.squared()) or 1.0)
+    far = reach(T.den.squared()) or 1.0  # beyond it T nears its limits, as far as it may turn
+    w = np.geomspace(1e-6 * far, max(far, min(TURNS / T.dead_times[0], far / RISE)), START)
     best, at = _higher((best, at), _top(T, w))
     for _ in range(LEVELS):
         found = signs(T.num.squared() + T.den.squared().scaled(-(Fraction(best * (1 + RISE)) ** 2)))
