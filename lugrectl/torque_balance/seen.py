@@ -207,14 +207,15 @@ def one_torque(view: View) -> bool:
 
 
 def inertia_range(found: Range, model: Model) -> Range:
-    """Where J lies: where it was found, and as it is stated."""
+    """Where J lies: where it was found, of what is stated the nearest."""
     one, J = model.stated.get("J", Stated()), model.J
     if one.fixed and J is not None:
         return J, J
     if not one.bounded:
         return found
-    low, high = (0.0, np.inf) if found is None else found
-    return max(low, one.low or 0.0), min(high, np.inf if one.high is None else one.high)
+    end = np.inf if one.high is None else one.high
+    low, high = np.clip((0.0, np.inf) if found is None else found, one.low or 0.0, end).tolist()
+    return low, high
 
 
 def find_open(view: View, sure: bool) -> None:

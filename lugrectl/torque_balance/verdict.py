@@ -441,6 +441,7 @@ UNTESTED = "the model has as many values as there are runs: nothing can be teste
 MORE_SPEEDS = "Record runs at more speeds."
 TOO_SHORT = "the record is too short to judge what is missing: {} blocks of {:.3g} ms are needed."
 LONGER = "Record a longer run in which the drive moves."
+NO_MOTION = "Most of the torque has nothing to do with the motion."
 STAYS = "Torque of {:.2g} % of friction stays, and nothing explains it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
 
@@ -737,7 +738,9 @@ class _Judge:
         much = left > 2 * d.least and not self.view.is_map
         if not much and d.verdict != "unexplained" and d.rest < most:
             return "adequate"
-        if much:
+        if d.rest > const.MOSTLY:
+            self.notes.append(NO_MOTION)
+        elif much:
             self.notes.append(STAYS.format(100 * left))
         if d.unknown and not d.depends_on:
             d.depends_on = sorted(d.unknown[0].depends_on)
