@@ -11,7 +11,7 @@ from scipy import ndimage
 from ...core.option_names import option
 from .rows import HELD, Stamped, bridged, count, means_from
 
-HUGE = 1e30  # in SI units; larger numbers stand for a missing value
+HUGE = 1e15  # in SI units: numbers no finer than 0.1, which stand for a missing value
 FEWEST = 12  # rows in one piece; fewer show no motion
 FILL = 3  # most rows missing in a row that do not make a gap
 _JITTER = 0.2  # steps that vary by more hide missing rows
