@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.validation import shown
 from ..columns.names import parse_unit, split_unit
 from ..columns.table import Columns, Header, Table, heads_of
 
@@ -228,12 +229,12 @@ class _Rows:
                     what = "number with a decimal point" if is_number(cell) else "number"
                     raise self.no_number(i, k, cells, what) from None
                 place = f"line {self.numbers[k]}, column '{self.names[i]}'"
-                said.append(f"The cell in {place} was typed over: '{cell}' is left out.")
+                said.append(f"The cell in {place} was typed over: {shown(cell)} is left out.")
         return values
 
     def no_number(self, i: int, row: int, cells: Sequence[str], what: str) -> InputError:
         place = f"{self.source}: line {self.numbers[row]}, column '{self.names[i]}'"
-        return InputError(f"{place}: '{cells[row]}' is not a {what}.")
+        return InputError(f"{place}: {shown(cells[row])} is not a {what}.")
 
     def one_in_a_row(self) -> str:
         """What to do with a table of channel and value; empty for any other."""
