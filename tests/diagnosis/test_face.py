@@ -391,3 +391,10 @@ def test_a_refusal_is_printed_and_exits_3(folder, capsys):
     well_formed(said(capsys, line, code=3))
     (one,) = said(capsys, f"{line} --each --jobs 1", code=3)["records"]
     assert one["exit_code"] == 3 and one["diagnosis"]["verdict"] == "refused"
+
+
+def test_an_answer_without_a_simulation_says_why_it_has_no_error():
+    found = lg.diagnose(log(4.0, mean=14.0), FREE)
+    said = document(found)
+    well_formed(said)
+    assert said["error"] is None and any("errors of a simulation" in m for m in found.messages)

@@ -93,7 +93,7 @@ WRONG = [
     (("effects", 0, "parameters", "amplitude", "ci95"), [0.1]),
     (("effects", 0, "parameters", "amplitude", "unit"), None),
     (("depends_on",), "theta"),
-    (("error",), None),
+    (("error",), "0.1"),
     (("error", "refitted"), "0.1"),
     (("error", "signal"), "x"),
     (("free_error", "in_sample"), 1.0),
