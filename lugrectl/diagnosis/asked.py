@@ -229,10 +229,7 @@ UNFIT = (
 
 MOST_RUNS = 20  # that are compared with one another
 ALIKE = 1.03  # ratio of levels that agree
-ABOUT, FARTHER = (
-    2.0,
-    3.0,
-)  # ratio of levels that no unit explains; that one may explain
+ABOUT, FARTHER = 2.0, 3.0  # ratio of levels that no unit explains; that one may explain
 DEG, RPM = 180 / np.pi, 30 / np.pi
 # what undoes it where a channel is so many times what it should be
 TORQUE_AND_TIME = {"u=-1": -1.0, "u=mN m": 1e3, "t=ms": 1e3}

@@ -207,7 +207,7 @@ def one_torque(view: View) -> bool:
 
 
 def inertia_range(found: Range, model: Model) -> Range:
-    """Where J lies: where it was found, of what is stated the nearest."""
+    """Where J lies: where it was found, moved into what is stated."""
     one, J = model.stated.get("J", Stated()), model.J
     if one.fixed and J is not None:
         return J, J

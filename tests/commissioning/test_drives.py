@@ -14,7 +14,11 @@ from . import drives
 pytest.importorskip("numba")
 RANGES = {"1-10 Hz": (1.0, 10.0), "10-50 Hz": (10.0, 50.0), "above 50 Hz": (50.0, np.inf)}
 LIMITS = {"1-10 Hz": (0.04, 0.25), "10-50 Hz": (0.15, 0.8), "above 50 Hz": (0.12, 0.7)}
-QUICK, SLOW = [[303], [3, 6]], range(100, 120)  # a motor that sticks; bristles, a load that sticks
+QUICK = [
+    [303],
+    pytest.param([3, 6], marks=pytest.mark.sample),
+]  # a motor that sticks; bristles and a load
+SLOW = range(100, 120)
 
 
 def decibel(frd, drive):

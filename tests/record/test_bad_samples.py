@@ -170,6 +170,16 @@ def test_a_torque_program_of_few_levels_is_held_on_purpose():
     assert said == [] and len(found[0].t) == 6000
 
 
+def test_a_torque_that_pushes_and_brakes_is_at_no_end_of_a_register():
+    """As firmware finds an inertia: twice forward, twice back, with rests."""
+    push = np.r_[np.full(200, 0.4), np.full(200, -0.4), np.zeros(300)]
+    u = np.tile(np.r_[push, push, -push, -push], 7)
+    _, theta = driven(u, 1e-3, rubbing(0.004, 0.12, 0.006, 1e-3), 20)
+    theta = np.floor(theta * 16384 / (2 * np.pi)) * (2 * np.pi / 16384)
+    found, said = seen({"t": 1e-3 * np.arange(len(u)), "u": u, "theta": theta})
+    assert said == [] and found[0].ok.all() and len(found[0].t) == len(u)
+
+
 def test_a_short_torque_that_the_motion_shows_is_no_outlier():
     """One row of a hammer's size; the speed changes by as much as it should."""
     rng = np.random.default_rng(5)

@@ -13,7 +13,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -85,7 +85,7 @@ def _reader(path: Path, head: bytes) -> tuple[str, Callable[[Path], Table]]:
     """The name of the format, and what reads it."""
     ending = path.suffix.lower()
     if ending in _installed():
-        return ending[1:].upper(), lambda path: _by_another(_installed()[ending], path)
+        return ending[1:].upper(), partial(_by_another, _installed()[ending])
     for start, what in _OTHERS.items():
         if head.startswith(start):
             raise InputError(f"{path.name} is no log that can be read: it is {what}.")

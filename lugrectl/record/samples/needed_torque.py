@@ -194,17 +194,18 @@ def leave_out_untrue_torque(log: Stamped) -> None:
         return
     missing = fit.missing(np.nan_to_num(u))
     least = max(_least(fit, missing, unknown), _SHARE * large)
-    # at the end of a register some rows are right
-    groups = [(np.flatnonzero(u == end), 0.8) for end in np.unique(u[limit])]
+    # at the end of a register the motion needs more than it, in some rows; else more or less
+    ends = (np.nanmin(u), -1.0), (np.nanmax(u), 1.0)
+    groups = [(np.flatnonzero(u == x), side, 0.8) for x, side in ends if limit[u == x].any()]
     begins = np.flatnonzero(stuck & (np.diff(u, prepend=np.nan) != 0))
-    groups += [(np.arange(a, a + lengths[a]), 0.5) for a in begins if lengths[a] >= fit.width]
-    for at, share in groups:
+    groups += [(np.arange(a, a + lengths[a]), 0.0, 0.5) for a in begins if lengths[a] >= fit.width]
+    for at, side, share in groups:
         judged = missing[at][fit.judged[at]]
-        beyond = 0.0
-        if len(judged) >= 5:
-            share = share if np.median(judged) > 0.0 else 1.0 - share
-            beyond = float(np.quantile(judged, share))
-        if abs(beyond) > least:
+        if len(judged) < 5:
+            continue
+        side = side or float(np.copysign(1.0, np.median(judged)))
+        beyond = side * float(np.quantile(side * judged, share))
+        if side * beyond > least:
             rows = np.isin(np.arange(len(u)), at)
             value, more = log.value("u", at[0]), f"{beyond:+.3g} {si_unit('u', log.motion)}"
             said = f"u stands at {value} {log.places(rows)}, while the motion needs {more} beyond"
