@@ -228,6 +228,8 @@ def windows(
 
 
 NARROW = 12, 0.014  # of a window of the response
+DELAYED = 3.0  # samples, the most from command to speed: of a drive and of its filters
+STRONG = 10.0  # F statistic from which instruments are strong (Staiger and Stock 1997, section 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,8 +268,22 @@ def local_response(
     found = np.array([_estimate(one, out, top, known) for one in windows]).T
     scale = at.num / at.den
     sd, radius = found[1].real * abs(scale), found[2].real * abs(scale)
-    w = np.array([one.centre for one in windows])
-    return Response(w, found[0] * scale, sd, radius, found[3].real)
+    w, P = np.array([one.centre for one in windows]), found[0] * scale
+    sure = known is not None or is_passive(P, radius, w * runs[0].dt)
+    return Response(w, P, sd, radius, np.where(sure, found[3].real, 0.0))
+
+
+def is_passive(P: np.ndarray, radius: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Whether P within its disc can be an axis (n,): from torque to speed of one shaft the real
+    part is positive, but for a delay of DELAYED samples, each of which turns the phase by ``turn``.
+    Where nothing excites the axis, P = -1/C of the controller is found, which cannot be, until its
+    own sample turns it into what can: from there on, what most of an octave below it are."""
+    unsure = np.arcsin(np.minimum(radius / np.maximum(np.abs(P), 1e-300), 1.0))
+    middle, half = -0.5 * DELAYED * turn, 0.5 * np.pi + 0.5 * DELAYED * turn + unsure
+    passive = np.abs(np.angle(P * np.exp(-1j * middle))) <= half
+    last = 0.5 * np.pi / (DELAYED + 1.0)
+    below = passive[(turn > 0.5 * last) & (turn <= last)]
+    return np.where(turn <= last, passive, not below.size or np.mean(below) > 0.5)
 
 
 def _estimate(
@@ -283,6 +299,8 @@ def _estimate(
     if known is not None:
         Z = without(at.transient, at.poly * at.rows(known)[:, None])
         P, sd, noise = _solve(W, wide_v, Z, free)
+        if _strength(V, Z, free) < STRONG:
+            return P, np.inf, np.inf, 0.0
     else:
         P, sd, noise = _solve(W, wide_v, wide_v, free)
         back = 1.0 / _solve(V, wide_w, wide_w, free)[0]
@@ -291,6 +309,14 @@ def _estimate(
     power = float(np.sum(np.abs(W) ** 2)) / max(at.free, 1)
     radius = sd * float(np.sqrt(f_distribution.ppf(0.95, 2, 2 * free)))
     return P, sd, radius, max(1.0 - noise / power, 0.0) if power > 0 else 0.0
+
+
+def _strength(v: np.ndarray, Z: np.ndarray, free: int) -> float:
+    """The F statistic of the regression of v on the instruments Z: with weak ones, what friction
+    and noise do through the controller is read as the axis, P = -1/C."""
+    by_reference = float(np.sum(np.abs(np.linalg.qr(Z)[0].conj().T @ v) ** 2))
+    rest = float(np.sum(np.abs(v) ** 2)) - by_reference
+    return by_reference / len(POWERS) * free / max(rest, 1e-300)
 
 
 def _solve(y: np.ndarray, X: np.ndarray, Z: np.ndarray, free: int) -> tuple[complex, float, float]:

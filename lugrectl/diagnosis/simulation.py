@@ -585,6 +585,7 @@ WEAK = 1.5  # standard deviation of a coordinate about its start where nothing e
 WIDE = 0.3  # the same from which a start is no more than a guess: factors on it are tried
 FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
 ROUNDS, CLIMBS, GAINED = 2, 30, 1e-7  # fits, each at the noise before it; their evaluations
+FLAT = 1e-4  # of Fc: the least that Fs is above it
 FARTHEST = 0.7  # of a coordinate that a window moves
 
 
@@ -604,13 +605,16 @@ def _at_top(space: _Space, begun: Fit) -> tuple[Fit, Joint]:
     C, prior = own * np.outer(wider, wider), np.diag(np.linalg.inv(space.weight))
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
     names, rates = tuple(space.keys[i] for i in at), space.rates(fit.values)
-    found, matrix = np.array([fit.values[k] for k in names]), C * np.outer(rates, rates)
+    if "Fs" in space.keys:  # what it is above Fc has a log-normal distribution, and its variance
+        V = float(np.clip(C[-1, -1], 1e-12, 1.0))
+        rates[-1, -1] *= np.sqrt(np.exp(V) * np.expm1(V) / V)
+    found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
     return fit, Joint(names, found, matrix[at[:, None], at], space.log[at])
 
 
 class _Space:
-    """Coordinates of free values, the logarithm of each or, where it may be 0 or less, its part of
-    ``size``; the innovations e of an observer with the gain for the noise of dw/dt, and a Gaussian
+    """Coordinates of free values, the logarithm of each (of Fs that of Fs - Fc) or, where it may be
+    0 or less, its part of ``size``; the innovations e of an observer with the gain for the noise of dw/dt, and a Gaussian
     prior (``middle``, ``weight``) by what is known beforehand, the std that the model states, or a
     factor of 4.5. Least are the sum of e' S^-1 e / 2 and the prior, at the noise of the values."""
 
@@ -622,7 +626,8 @@ class _Space:
         self.ready, self.begun, self.model = ready, begun, model
         fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
         fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
-        self.keys = keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
+        keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
+        self.keys = keys = sorted(keys, key="Fs".__eq__)  # Fs last, as it stands on Fc
         found = np.array([values[k] for k in keys])
         self.log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
         usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
@@ -636,24 +641,34 @@ class _Space:
             scaled = np.linalg.pinv(C / np.outer(size, size), hermitian=True)
             known[np.ix_(here, here)] = scaled / np.outer(size, size)
         rates = self.rates(values)
-        self.weight = np.eye(len(keys)) / WEAK**2 + known * np.outer(rates, rates)
+        self.weight = np.eye(len(keys)) / WEAK**2 + rates.T @ known @ rates
         self.root = np.linalg.cholesky(self.weight).T
         declared = {k: v for k, v in ready.model.known().items() if k in std}
         self.middle = self.x({**values, **declared})
 
+    def amounts(self, values: Values) -> np.ndarray:
+        """The values; of Fs how much it is above Fc."""
+        Fc, Fs = values.get("Fc", 0.0), values.get("Fs", 0.0)
+        return np.array([({**values, "Fs": max(Fs - Fc, FLAT * Fc)})[k] for k in self.keys])
+
     def rates(self, values: Values) -> np.ndarray:
-        """Derivatives of the values by their coordinates, (n,)."""
-        return np.where(self.log, [values[k] for k in self.keys], self.size)
+        """Derivatives of the values by the coordinates, (n, n)."""
+        made = np.diag(np.where(self.log, self.amounts(values), self.size))
+        if {"Fc", "Fs"} <= {*self.keys}:
+            made[-1, self.keys.index("Fc")] = values["Fc"]
+        return made
 
     def x(self, values: Values) -> np.ndarray:
-        v = np.array([values[k] for k in self.keys])
+        v = self.amounts(values)
         return np.where(self.log, np.log(np.where(self.log, v, 1.0)), v / self.size)
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """All values inside their bounds; Fs does not fall below Fc."""
-        v = np.where(self.log, np.exp(np.minimum(x, 700.0)), x * self.size)
-        ends = np.array([self.model.bounds(k) for k in self.keys]).T
-        made = self.begun.values | dict(zip(self.keys, np.clip(v, *ends).tolist(), strict=True))
+        v, made = np.where(self.log, np.exp(np.minimum(x, 700.0)), x * self.size), self.begun.values
+        for k, value in zip(self.keys, v.tolist(), strict=True):
+            low, high = self.model.bounds(k)
+            above = made.get("Fc", 0.0) if k == "Fs" else 0.0
+            made = {**made, k: min(max(above + value, low), high)}
         return made | {"Fs": max(made["Fs"], made["Fc"])} if {"Fc", "Fs"} <= made.keys() else made
 
     def totals(self, sets: Sets, jump: float) -> np.ndarray:

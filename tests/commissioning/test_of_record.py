@@ -91,6 +91,32 @@ def test_a_log_that_shows_nothing_is_refused():
     assert "excites the axis too little" in str(no.value) and "record 30 s" in str(no.value)
 
 
+def three_sines(n=12000, dt=1e-3, steps=5):
+    """A rigid axis with Fc and a PI loop of its speed, whose reference is three sines."""
+    t, noise = dt * np.arange(n), 1e-4 * np.random.default_rng(0).standard_normal(n)
+    r = sum(5 * np.sin(2 * np.pi * f * t + f) for f in (0.7, 2.3, 6.1))
+    u, w = np.zeros(n), np.zeros(n)
+    speed = total = 0.0
+    for k in range(n):
+        w[k] = speed + noise[k]
+        for _ in range(steps):
+            speed += dt / steps * (u[k] - 0.1 * np.tanh(speed / 0.02) - 0.02 * speed) / 0.01
+        total += 6.0 * dt * (r[k] - w[k])
+        u[min(k + 1, n - 1)] = 0.6 * (r[k] - w[k]) + total
+    return {"t": t, "u": u, "w": w, "r": r}
+
+
+@pytest.mark.parametrize("channels", ["tuw", "tuwr"])
+def test_the_controller_is_not_read_as_the_axis(channels):
+    """Between the lines friction moves the axis, and u/w there is that of the controller."""
+    made = three_sines()
+    found = lg.frequency_response({k: made[k] for k in channels}, lg.Model.of())
+    true = np.abs(1 / (0.01j * found.frequency + 0.02))
+    wrong = np.abs(np.log10(found.magnitude / true)) > 0.3
+    assert wrong.sum() > 40
+    assert (found.certain & wrong).sum() <= 2
+
+
 def test_no_friction_is_taken_out_where_none_shows():
     one = log(2000)
     one["u"] = J * np.gradient(one["w"], one["t"]) + 0.1 * one["w"]

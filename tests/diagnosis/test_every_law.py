@@ -12,12 +12,7 @@ ALWAYS, QUICK = "lugre", ("viscous", "stribeck", "dahl", "maxwell_slip", "bouc_w
 SAMPLED = (pytest.mark.slow, pytest.mark.sample)
 
 
-ENDS = pytest.mark.xfail(strict=True, reason="the interval of Fs ends 4 % below it")
-
-
 def marks(law):
-    if law == "leuven":
-        return pytest.mark.slow, ENDS
     return () if law == ALWAYS else SAMPLED if law in QUICK else pytest.mark.slow
 
 
