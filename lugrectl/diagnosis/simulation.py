@@ -614,9 +614,10 @@ def _at_top(space: _Space, begun: Fit) -> tuple[Fit, Joint]:
 
 class _Space:
     """Coordinates of free values, the logarithm of each (of Fs that of Fs - Fc) or, where it may be
-    0 or less, its part of ``size``; the innovations e of an observer with the gain for the noise of dw/dt, and a Gaussian
-    prior (``middle``, ``weight``) by what is known beforehand, the std that the model states, or a
-    factor of 4.5. Least are the sum of e' S^-1 e / 2 and the prior, at the noise of the values."""
+    0 or less, its part of ``size``; the innovations e of an observer with the gain for the noise of
+    dw/dt, and a Gaussian prior (``middle``, ``weight``) by what is known beforehand, the std that
+    the model states, or a factor of 4.5. Least are the sum of e' S^-1 e / 2 and the prior, at the
+    noise of the values."""
 
     def __init__(
         self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], first: ModelValues
