@@ -47,6 +47,7 @@ from .fits import (
 )
 
 LARGE = 2.0  # dB by which friction changes a response that it governs: no band holds there
+WIDEST = 10.0 ** (LARGE / 20.0) - 1.0  # of P: the radius of a band of as many dB
 CERTAIN = 0.95  # coherence below which nothing is certain
 GOOD = "Friction changes the response below {:.3g} Hz by {:.1f} dB: the band holds."
 BAD = (
@@ -59,7 +60,8 @@ RECORD = (
 )
 THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little."
 UNSURE = (
-    "{} of {} points of the response are not certain (coherence below 0.95, or friction governs)."
+    "{} of {} points of the response are not certain (coherence below 0.95, a band of more than 2 "
+    "dB, or friction governs)."
 )
 FEW = 0.5  # of the points: with fewer certain ones that is said
 UNIT = {"rotary": "(rad/s)/(N m)", "linear": "(m/s)/N"}  # of a response
@@ -169,8 +171,8 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
 
     @property
     def certain(self) -> np.ndarray:
-        """Where the coherence is at least 0.95, and friction does not govern."""
-        return (self.coherence >= CERTAIN) & ~self.governed
+        """Where coherence is 0.95 or more, friction does not govern, and the band is below 2 dB."""
+        return (self.coherence >= CERTAIN) & ~self.governed & np.isfinite(self.low)
 
     @property
     def raw_phase(self) -> np.ndarray:
@@ -287,7 +289,7 @@ LEAST_RANGE = 0.5  # decades of frequency
 NOWHERE = (
     "the response is certain at no frequency from {:.3g} to {:.3g} Hz, as friction governs, the "
     "log excites the axis too little, or something else moves it (the torque explains at most "
-    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 %): record"
+    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 % and P within 2 dB): record"
 )
 NONE = "No dry friction shows clearly in the log, or the axis never reverses: nothing is taken out."
 
@@ -413,8 +415,8 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
             taken = friction.spectra if friction.levels else None
         stage = stage.knowing(stage.response(taken))
     raw, r = stage.response(), stage.response(taken)
-    governed = _governed(raw, r)
-    sure, size = (r.coherence >= CERTAIN) & ~governed, np.abs(r.P)
+    governed, size = _governed(raw, r), np.abs(r.P)
+    sure = (r.coherence >= CERTAIN) & ~governed & (r.radius <= WIDEST * size)
     if not sure.any():
         f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
         said = NOWHERE.format(f[0], f[-1], r.coherence[best], f[best]) + RECORD[len("Record") :]

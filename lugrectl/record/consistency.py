@@ -24,6 +24,7 @@ _BLOCKS = 20  # of time, whose spread gives the error of what is estimated
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
 _CLOSE = 0.02  # a ratio this close to that of two units means that these were mixed up
+_ALIKE = 0.95  # least R2 of a speed with its angle
 _OFF = 0.03  # a ratio this far from 1 is reported
 _LAG = 1.5  # samples
 _GEARS = 500.0  # the usual ratios
@@ -196,6 +197,8 @@ def fitting_speed(record: Record) -> Record:
     if speeds is None or record.w is None:
         return record
     ratio, size = speeds.ratio, abs(speeds.ratio)
+    if size != 1.0:
+        _refuse_exchanged(record)
     if not ratio:
         r2 = max(speeds.agreement, 0.0)
         return _without_w(record, f"has little in common with it (R2 = {r2:.2f})")
@@ -223,6 +226,19 @@ def fitting_speed(record: Record) -> Record:
         )
         record = record.with_messages(said)
     return record
+
+
+def _refuse_exchanged(record: Record) -> None:
+    """InputError where another pair of the channels is a speed and the angle that it integrates."""
+    theta, w = record.theta, record.w
+    for name, one in (
+        ("u", replace(record, w=record.u)),
+        ("theta", replace(record, theta=w, w=theta)),
+    ):
+        speeds = _speeds(one)
+        if speeds and speeds.ratio == 1.0 and speeds.agreement > _ALIKE:
+            why = f"{name} holds the speed, and w does not: {name} and w are exchanged"
+            raise InputError(f"{record.source}: {why}. Give each its own column.")
 
 
 # ---- units --------------------------------------------------------------------------

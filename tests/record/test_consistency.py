@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from lugrectl.core.errors import Refused
+from lugrectl.core.errors import InputError, Refused
 from lugrectl.record import Record, consistent, read_record
 from lugrectl.record.consistency import audit as checked
 from lugrectl.record.log import log_of_arrays
@@ -216,3 +216,10 @@ def test_a_dead_speed_beside_a_position_that_moves_is_left_out(value):
     found = audit(replace(PLAIN, w=np.full(8000, value)))
     assert found.w is None and np.array_equal(found.theta, PLAIN.theta)
     assert found.messages[0].startswith(f"w is not d theta/dt but constant ({value:g})")
+
+
+@pytest.mark.parametrize("other", ["u", "theta"])
+def test_a_speed_in_another_column_is_refused(other):
+    exchanged = {other: PLAIN.w, "w": getattr(PLAIN, other)}
+    with pytest.raises(InputError, match=f"{other} holds the speed.*exchanged"):
+        audit(replace(PLAIN, **exchanged))
