@@ -229,7 +229,7 @@ def windows(
 
 NARROW = 12, 0.014  # of a window of the response
 DELAYED = 3.0  # samples, the most from command to speed: of a drive and of its filters
-STRONG = 10.0  # F statistic from which instruments are strong (Staiger and Stock 1997, section 4)
+STRONG = 10.0  # F statistic from which instruments are strong (Staiger and Stock 1997)
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,13 +297,13 @@ def _estimate(
     wide_w, wide_v = (without(at.transient, at.poly * at.rows(X)[:, None]) for X in (out, top))
     free = max(at.free - ORDER - 1, 1)
     if known is not None:
-        Z = without(at.transient, at.poly * at.rows(known)[:, None])
-        P, sd, noise = _solve(W, wide_v, Z, free)
-        if _strength(V, Z, free) < STRONG:
+        Q = np.linalg.qr(without(at.transient, at.poly * at.rows(known)[:, None]))[0]
+        P, sd, noise = _solve(W, wide_v, Q, free)
+        if _strength(V, Q, free) < STRONG:
             return P, np.inf, np.inf, 0.0
     else:
-        P, sd, noise = _solve(W, wide_v, wide_v, free)
-        back = 1.0 / _solve(V, wide_w, wide_w, free)[0]
+        P, sd, noise = _solve(W, wide_v, np.linalg.qr(wide_v)[0], free)
+        back = 1.0 / _solve(V, wide_w, np.linalg.qr(wide_w)[0], free)[0]
         sd = max(sd, 0.5 * abs(back - P))
         P *= np.sqrt(abs(back / P)) * np.exp(0.5j * np.angle(back / P))
     power = float(np.sum(np.abs(W) ** 2)) / max(at.free, 1)
@@ -311,18 +311,17 @@ def _estimate(
     return P, sd, radius, max(1.0 - noise / power, 0.0) if power > 0 else 0.0
 
 
-def _strength(v: np.ndarray, Z: np.ndarray, free: int) -> float:
-    """The F statistic of the regression of v on the instruments Z: with weak ones, what friction
+def _strength(v: np.ndarray, Q: np.ndarray, free: int) -> float:
+    """The F statistic of the regression of v on the instruments Q: with weak ones, what friction
     and noise do through the controller is read as the axis, P = -1/C."""
-    by_reference = float(np.sum(np.abs(np.linalg.qr(Z)[0].conj().T @ v) ** 2))
-    rest = float(np.sum(np.abs(v) ** 2)) - by_reference
-    return by_reference / len(POWERS) * free / max(rest, 1e-300)
+    all_of, rest = (float(np.sum(np.abs(x) ** 2)) for x in (v, without(Q, v)))
+    return (all_of - rest) / Q.shape[1] * free / max(rest, 1e-300)
 
 
-def _solve(y: np.ndarray, X: np.ndarray, Z: np.ndarray, free: int) -> tuple[complex, float, float]:
-    """The response at the centre of y = X p with instruments Z, its deviation, and the noise."""
+def _solve(y: np.ndarray, X: np.ndarray, Q: np.ndarray, free: int) -> tuple[complex, float, float]:
+    """The response at the centre of y = X p with an orthonormal basis Q of its instruments, its
+    deviation, and the noise."""
     size = np.linalg.norm(X, axis=0) + 1e-300
-    Q = np.linalg.qr(Z)[0]
     inverse = np.linalg.pinv(Q.conj().T @ (X / size), rcond=1e-10) / size[:, None]
     p = inverse @ (Q.conj().T @ y)
     noise = float(np.sum(np.abs(y - X @ p) ** 2)) / free

@@ -171,8 +171,10 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
 
     @property
     def certain(self) -> np.ndarray:
-        """Where coherence is 0.95 or more, friction does not govern, and the band is below 2 dB."""
-        return (self.coherence >= CERTAIN) & ~self.governed & np.isfinite(self.low)
+        """Where the coherence is at least 0.95, friction does not govern, and the band is within 2
+        dB."""
+        radius = self.high - self.magnitude
+        return band_holds(self.coherence, self.governed, radius, self.magnitude)
 
     @property
     def raw_phase(self) -> np.ndarray:
@@ -213,6 +215,13 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
             *([Row("taken out", levels, force)] if levels else []),
             *noticed(self.messages, "messages"),
         ]
+
+
+def band_holds(
+    coherence: np.ndarray, governed: np.ndarray, radius: np.ndarray, size: np.ndarray
+) -> np.ndarray:
+    """Where a band of P holds, whose disc has this radius about a P of this size (n,)."""
+    return (coherence >= CERTAIN) & ~governed & (radius <= WIDEST * size)
 
 
 def unwrapped(w: np.ndarray, P: np.ndarray, sure: np.ndarray) -> np.ndarray:
@@ -289,7 +298,7 @@ LEAST_RANGE = 0.5  # decades of frequency
 NOWHERE = (
     "the response is certain at no frequency from {:.3g} to {:.3g} Hz, as friction governs, the "
     "log excites the axis too little, or something else moves it (the torque explains at most "
-    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 % and P within 2 dB): record"
+    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 %, with a band within 2 dB): record"
 )
 NONE = "No dry friction shows clearly in the log, or the axis never reverses: nothing is taken out."
 
@@ -345,10 +354,17 @@ def frequency_response(
     ``correction`` does, and where it is above 2 dB no band holds: these points are ``governed``,
     and the fitted mechanics, its modes and the gains of :func:`tune` follow from the others.
 
+    Where nothing excites a closed loop, what friction and noise do through its controller C looks
+    like P = -1/C. No point is certain where r explains too little of the torque (F statistic below
+    10) or, without r, where P even with a delay of 3 samples has a negative real part, which the
+    speed of the shaft that the torque drives cannot have. Near the crossover of the loop -1/C is as
+    large as P: log r.
+
     References
     ----------
     R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
-    Wiley 2012, ch. 7 (local polynomials, instruments).
+    Wiley 2012, ch. 7 (local polynomials, instruments). D. Staiger and J. H. Stock, Instrumental
+    variables regression with weak instruments, Econometrica 65 (1997) 557-586 (F of at least 10).
 
     Examples
     --------
@@ -416,7 +432,7 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
         stage = stage.knowing(stage.response(taken))
     raw, r = stage.response(), stage.response(taken)
     governed, size = _governed(raw, r), np.abs(r.P)
-    sure = (r.coherence >= CERTAIN) & ~governed & (r.radius <= WIDEST * size)
+    sure = band_holds(r.coherence, governed, r.radius, size)
     if not sure.any():
         f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
         said = NOWHERE.format(f[0], f[-1], r.coherence[best], f[best]) + RECORD[len("Record") :]

@@ -665,11 +665,12 @@ class _Space:
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """All values inside their bounds; Fs does not fall below Fc."""
-        v, made = np.where(self.log, np.exp(np.minimum(x, 700.0)), x * self.size), self.begun.values
+        v = np.where(self.log, np.exp(np.minimum(x, 700.0)), x * self.size)
+        made = dict(self.begun.values)
         for k, value in zip(self.keys, v.tolist(), strict=True):
             low, high = self.model.bounds(k)
             above = made.get("Fc", 0.0) if k == "Fs" else 0.0
-            made = {**made, k: min(max(above + value, low), high)}
+            made[k] = min(max(above + value, low), high)
         return made | {"Fs": max(made["Fs"], made["Fc"])} if {"Fc", "Fs"} <= made.keys() else made
 
     def totals(self, sets: Sets, jump: float) -> np.ndarray:

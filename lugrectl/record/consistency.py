@@ -198,7 +198,7 @@ def fitting_speed(record: Record) -> Record:
         return record
     ratio, size = speeds.ratio, abs(speeds.ratio)
     if size != 1.0:
-        _refuse_exchanged(record)
+        _refuse_swapped(record)
     if not ratio:
         r2 = max(speeds.agreement, 0.0)
         return _without_w(record, f"has little in common with it (R2 = {r2:.2f})")
@@ -228,7 +228,7 @@ def fitting_speed(record: Record) -> Record:
     return record
 
 
-def _refuse_exchanged(record: Record) -> None:
+def _refuse_swapped(record: Record) -> None:
     """InputError where another pair of the channels is a speed and the angle that it integrates."""
     theta, w = record.theta, record.w
     for name, one in (
@@ -237,8 +237,9 @@ def _refuse_exchanged(record: Record) -> None:
     ):
         speeds = _speeds(one)
         if speeds and speeds.ratio == 1.0 and speeds.agreement > _ALIKE:
-            why = f"{name} holds the speed, and w does not: {name} and w are exchanged"
-            raise InputError(f"{record.source}: {why}. Give each its own column.")
+            why = f"{name} holds the speed, and w does not: {name} and w seem to be swapped"
+            given = option("columns", f"{name}=NAME,w=NAME")
+            raise InputError(f"{record.source}: {why}: give {given} the other way round.")
 
 
 # ---- units --------------------------------------------------------------------------

@@ -106,15 +106,15 @@ def three_sines(n=12000, dt=1e-3, steps=5):
     return {"t": t, "u": u, "w": w, "r": r}
 
 
-@pytest.mark.parametrize("channels", ["tuw", "tuwr"])
-def test_the_controller_is_not_read_as_the_axis(channels):
+@pytest.mark.parametrize("channels, most", [("tuw", 2), ("tuwr", 0)])
+def test_the_controller_is_not_read_as_the_axis(channels, most):
     """Between the lines friction moves the axis, and u/w there is that of the controller."""
     made = three_sines()
     found = lg.frequency_response({k: made[k] for k in channels}, lg.Model.of())
     true = np.abs(1 / (0.01j * found.frequency + 0.02))
     wrong = np.abs(np.log10(found.magnitude / true)) > 0.3
     assert wrong.sum() > 40
-    assert (found.certain & wrong).sum() <= 2
+    assert (found.certain & wrong).sum() <= most
 
 
 def test_no_friction_is_taken_out_where_none_shows():
