@@ -88,7 +88,8 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
     low, high : ndarray
         The 95 % band of the magnitude; NaN where nothing is certain.
     coherence : ndarray
-        The share of the speed's power about each frequency that the response explains.
+        The share of the speed's power about each frequency that the response explains; 0 where it
+        may be that of the controller.
     correction : float
         By how many dB friction changes the response below 10 Hz, the median.
     governed : ndarray
